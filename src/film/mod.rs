@@ -1,0 +1,4 @@
+//! Light to pixels to files.
+
+mod picture;
+pub use picture::{Layer, LayerData, Picture};

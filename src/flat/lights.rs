@@ -1,0 +1,108 @@
+//! Emitters, and how one of them is chosen.
+
+use std::sync::Arc;
+
+use crate::{light::EnvironmentTable, sampling::AliasTable, soa};
+
+soa! {
+    /// Emitting triangles in world space.
+    pub struct EmissiveTriangles of EmissiveTriangle {
+        /// Row of the instance.
+        instance: u32,
+        /// Row of the triangle in its mesh.
+        triangle: u32,
+        /// First corner, m.
+        p0: [f32; 3],
+        /// Second corner minus first.
+        e1: [f32; 3],
+        /// Third corner minus first.
+        e2: [f32; 3],
+        /// Unit normal of the front side.
+        n: [f32; 3],
+        /// m².
+        area: f32,
+        /// Radiance, nit, before any texture.
+        radiance: [f32; 3],
+        /// 1 if the back emits too.
+        two_sided: u32,
+        /// Row of the texture slot that scales the radiance, or `NONE`.
+        texture: u32,
+    }
+}
+
+soa! {
+    /// Point and spot lights.
+    pub struct LocalLights of LocalLight {
+        /// m.
+        position: [f32; 3],
+        /// Unit direction the spot shines along; any unit vector for a point light.
+        axis: [f32; 3],
+        /// Intensity at full, cd.
+        intensity: [f32; 3],
+        /// Falloff is clamp(cos·scale + offset, 0, 1)²: 0 for a point light.
+        cos_scale: f32,
+        /// 1 for a point light.
+        cos_offset: f32,
+        /// Persistent key of the entity.
+        key: u64,
+    }
+}
+
+soa! {
+    /// Directional lights.
+    pub struct DistantLights of DistantLight {
+        /// Unit direction towards the light.
+        to_light: [f32; 3],
+        /// Illuminance of a surface facing it, lx.
+        illuminance: [f32; 3],
+        /// Persistent key of the entity.
+        key: u64,
+    }
+}
+
+/// The sky.
+#[derive(Clone, Debug)]
+pub enum EnvironmentLight {
+    /// The same radiance from everywhere, nit. Found by scattering alone: no sample of it is
+    /// better than the BSDF's own.
+    Constant([f32; 3]),
+    /// A picture with its sampling table, shared with the cache.
+    Map(Arc<EnvironmentTable>),
+}
+
+/// All emitters.
+///
+/// Choice row order: emissive triangles, local lights, distant lights, then the
+/// environment map if there is one.
+#[derive(Clone, Debug, Default)]
+pub struct Lights {
+    /// Emitting triangles.
+    pub triangles: EmissiveTriangles,
+    /// Point and spot lights.
+    pub local: LocalLights,
+    /// Directional lights.
+    pub distant: DistantLights,
+    /// The sky, if any.
+    pub environment: Option<EnvironmentLight>,
+    /// Probability of each choice row, by power; empty without a light that can be sampled.
+    pub choice: AliasTable,
+    /// True if the scene had no light at all and a sky of 1 nit was put in.
+    pub default_sky: bool,
+}
+
+impl Lights {
+    /// First choice row of the local lights.
+    pub fn first_local(&self) -> u32 {
+        self.triangles.len() as u32
+    }
+
+    /// First choice row of the distant lights.
+    pub fn first_distant(&self) -> u32 {
+        self.first_local() + self.local.len() as u32
+    }
+
+    /// The environment map's choice row, one past the last distant light's.
+    pub fn environment_row(&self) -> u32 {
+        self.first_distant() + self.distant.len() as u32
+    }
+}

@@ -1,0 +1,4 @@
+//! Emission and the sampling of lights.
+
+mod environment;
+pub use environment::EnvironmentTable;

@@ -1,0 +1,1 @@
+//! A plain recursive path tracer in f64.

@@ -1,0 +1,229 @@
+//! The front door of the library: a scene in, a film out.
+
+use std::{ops::Range, time::Duration};
+
+use crate::{film::Picture, flat::FlatScene, world::Scene};
+
+/// Where numbers in [0, 1) come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol.
+    #[default]
+    Sobol,
+    /// Independent hashes.
+    Independent,
+}
+
+/// Pixel filter, importance-sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PixelFilter {
+    /// Blackman–Harris, radius 1.5 pixels.
+    #[default]
+    BlackmanHarris,
+    /// Gaussian, radius 1.5 pixels.
+    Gaussian,
+    /// The pixel's own square.
+    Box,
+}
+
+/// A layer beside the beauty picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayerKind {
+    /// Albedo at the first hit.
+    Albedo,
+    /// Shading normal at the first hit, world space.
+    Normal,
+    /// Distance to the first hit, m.
+    Depth,
+    /// First hit, world space, m.
+    Position,
+    /// Texture coordinates at the first hit.
+    Uv,
+    /// Row of the instance + 1 of the first sample's first hit; 0 for none.
+    EntityId,
+    /// Row of the material + 1 of the first sample's first hit; 0 for none.
+    MaterialId,
+    /// Samples taken.
+    SampleCount,
+}
+
+/// How to make a picture of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// Pixels to a row of the whole picture.
+    pub width: u32,
+    /// Rows of the whole picture.
+    pub height: u32,
+    /// x, y, width, height of the part to render.
+    pub crop: Option<[u32; 4]>,
+    /// Samples per pixel after which to stop.
+    pub spp: Option<u32>,
+    /// Time after which to stop.
+    pub time: Option<Duration>,
+    /// First sample and one past the last, in place of `0..spp`.
+    pub samples: Option<Range<u32>>,
+    /// Greatest number of scatterings; `None` leaves it to Russian roulette.
+    pub max_depth: Option<u32>,
+    /// Chooses the random numbers.
+    pub seed: u64,
+    /// Kind of random numbers.
+    pub sampler: SamplerKind,
+    /// Pixel filter.
+    pub filter: PixelFilter,
+    /// Lift the origins of rays towards the smooth surface (Hanika 2021).
+    pub terminator_fix: bool,
+    /// Alpha 0 where the background shows, and no background light there.
+    pub transparent: bool,
+    /// Layers beside the beauty picture.
+    pub layers: Vec<LayerKind>,
+    /// Paths in a wave.
+    pub wave_size: usize,
+    /// Edge of a tile, pixels.
+    pub tile_size: u32,
+    /// Worker threads; 0 for one per core.
+    pub threads: usize,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            crop: None,
+            spp: Some(64),
+            time: None,
+            samples: None,
+            max_depth: None,
+            seed: 0,
+            sampler: SamplerKind::default(),
+            filter: PixelFilter::default(),
+            terminator_fix: true,
+            transparent: false,
+            layers: Vec::new(),
+            wave_size: 2048,
+            tile_size: 32,
+            threads: 0,
+        }
+    }
+}
+
+/// How far a render has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Mean samples per pixel taken so far.
+    pub spp: f64,
+    /// Share of the work done, 0 to 1.
+    pub done: f64,
+    /// Rays traced so far.
+    pub rays: u64,
+    /// Seconds since the start.
+    pub seconds: f64,
+}
+
+/// Watches a render and may end it; called from one thread, several times a second.
+pub trait Observer: Sync {
+    /// Told how far it is.
+    fn progress(&self, _progress: &Progress) {}
+    /// Asked whether to stop; what is there is still returned.
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// An observer that does nothing.
+impl Observer for () {}
+
+/// Rays by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// From the camera.
+    pub camera: u64,
+    /// After a scattering.
+    pub bounce: u64,
+    /// Towards lights.
+    pub shadow: u64,
+}
+
+/// Work of one stage.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StageStats {
+    /// As the stage's file.
+    pub name: &'static str,
+    /// Summed over workers.
+    pub seconds: f64,
+    /// Rows that went through.
+    pub rows: u64,
+    /// Share of SIMD lanes that carried a row; 1 for scalar stages.
+    pub lane_fill: f64,
+}
+
+/// What a render did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RenderStats {
+    /// Wall time of the render alone.
+    pub seconds: f64,
+    /// Mean samples per pixel.
+    pub spp: f64,
+    /// Paths started.
+    pub paths: u64,
+    /// Rays by kind.
+    pub rays: RayCounts,
+    /// By stage, in the order they run; only those that ran.
+    pub stages: Vec<StageStats>,
+    /// Texture look-ups, alpha tests, environment look-ups and the like, by name; only those that ran.
+    pub counters: Vec<(&'static str, u64)>,
+    /// Contributions that were not finite, by reason.
+    pub discarded: Vec<(&'static str, u64)>,
+    /// Estimate of the picture's own relMSE from its two halves of samples; `None` below two samples.
+    pub relmse: Option<f64>,
+    /// Threads that worked.
+    pub threads: usize,
+    /// True if it ended because the observer asked.
+    pub cancelled: bool,
+}
+
+/// A picture and how it was made.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rendered {
+    /// Resolved pixels and layers; no metadata yet.
+    pub picture: Picture,
+    /// What was done.
+    pub stats: RenderStats,
+}
+
+/// What [`Renderer::sync`] rebuilt.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SyncReport {
+    /// Systems that had something to do, in the order they ran, with how many rows they rebuilt.
+    pub rebuilt: Vec<(&'static str, usize)>,
+    /// What was left out of the tables and why: singular transforms, meshes without triangles, …
+    pub warnings: Vec<String>,
+}
+
+/// Holds the tables of a scene between pictures of it.
+#[derive(Default)]
+pub struct Renderer {
+    flat: FlatScene,
+}
+
+impl Renderer {
+    /// A renderer without a scene.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Brings the tables up to date with the scene; does only what its changes ask for.
+    pub fn sync(&mut self, _scene: &mut Scene) -> SyncReport {
+        SyncReport::default()
+    }
+
+    /// The tables as of the last sync.
+    pub fn scene(&self) -> &FlatScene {
+        &self.flat
+    }
+
+    /// Makes a picture of the tables.
+    pub fn render(&self, _settings: &RenderSettings, _observer: &dyn Observer) -> Rendered {
+        Rendered::default()
+    }
+}

@@ -9,5 +9,6 @@ pub mod measure;
 pub mod reference;
 pub mod render;
 pub mod sampling;
+pub mod simd;
 pub mod systems;
 pub mod world;

@@ -10,3 +10,10 @@ pub struct AliasTable {
     /// The other row in each column.
     pub alias: Vec<u32>,
 }
+
+impl AliasTable {
+    /// stub
+    pub fn new(_weights: &[f32]) -> Self {
+        Self::default()
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, BitAnd, BitOr, BitXor, Mul, Not, Shl, Shr};
 
-use wide::{f32x8, i32x8, u32x8};
+use wide::{f32x8, i8x32, i32x8, u32x8};
 
 use super::{Bits, Mask, Real};
 
@@ -100,6 +100,33 @@ impl Shr<usize> for Bits8 {
     }
 }
 
+/// Where byte `i` of each half of a register comes from when 32-bit lanes change byte order.
+const BYTE_ORDER: [u8; 32] = {
+    let mut order = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        order[i] = (i as u8 % 16) ^ 3;
+        i += 1;
+    }
+    order
+};
+
+/// The four bits of each number below 16 in reverse, twice.
+const REVERSED: [u8; 32] = reversed(4);
+
+/// As [`REVERSED`], in the upper half of the byte.
+const REVERSED_UPPER: [u8; 32] = reversed(0);
+
+const fn reversed(shift: u32) -> [u8; 32] {
+    let mut table = [0; 32];
+    let mut i = 0;
+    while i < 32 {
+        table[i] = (i as u8 % 16).reverse_bits() >> shift;
+        i += 1;
+    }
+    table
+}
+
 impl Bits for Bits8 {
     #[inline(always)]
     fn splat(value: u32) -> Self {
@@ -112,6 +139,20 @@ impl Bits for Bits8 {
     #[inline(always)]
     fn lane(self, i: usize) -> u32 {
         self.0.to_array()[i]
+    }
+    #[inline(always)]
+    fn reverse_bits(self) -> Self {
+        // The bytes of each lane are reversed, then the halves of each byte looked up and exchanged.
+        let bytes: i8x32 = bytemuck::cast(self.0);
+        let bytes: u32x8 = bytemuck::cast(bytes.swizzle_half_relaxed(bytemuck::cast(BYTE_ORDER)));
+        let half = u32x8::splat(0x0f0f_0f0f);
+        let lower: i8x32 = bytemuck::cast(bytes & half);
+        let upper: i8x32 = bytemuck::cast((bytes >> 4) & half);
+        let reversed: i8x32 = bytemuck::cast(REVERSED);
+        let reversed_upper: i8x32 = bytemuck::cast(REVERSED_UPPER);
+        let lower: u32x8 = bytemuck::cast(reversed_upper.swizzle_half_relaxed(lower));
+        let upper: u32x8 = bytemuck::cast(reversed.swizzle_half_relaxed(upper));
+        Self(lower | upper)
     }
 }
 

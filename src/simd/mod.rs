@@ -52,6 +52,8 @@ pub trait Bits:
     fn from_fn(f: impl FnMut(usize) -> u32) -> Self;
     /// The value in lane `i`.
     fn lane(self, i: usize) -> u32;
+    /// The most significant bit becomes the least, and so on.
+    fn reverse_bits(self) -> Self;
 }
 
 /// A single-precision number per lane.
@@ -193,6 +195,8 @@ mod tests {
                 Bits::lane(bits * Bits::splat(747_796_405) ^ bits >> 7, i),
                 n.wrapping_mul(747_796_405) ^ n >> 7
             );
+            assert_eq!(Bits::lane(bits.reverse_bits(), i), n.reverse_bits());
+            assert_eq!(Bits::reverse_bits(Wrapping(n)).0, n.reverse_bits());
         }
         assert_eq!(<f32 as Real>::unit(Wrapping(u32::MAX)), 1.0 - f32::EPSILON / 2.0, "below one");
     }

@@ -35,6 +35,10 @@ impl Bits for std::num::Wrapping<u32> {
     fn lane(self, _: usize) -> u32 {
         self.0
     }
+    #[inline(always)]
+    fn reverse_bits(self) -> Self {
+        Self(self.0.reverse_bits())
+    }
 }
 
 impl Real for f32 {

@@ -1,6 +1,7 @@
 //! wavecast: a data-oriented wavefront path tracer for glTF 2.0 scenes.
 
 pub mod accel;
+pub mod bsdf;
 pub mod film;
 pub mod flat;
 pub mod light;

@@ -8,6 +8,8 @@ pub mod filter;
 pub mod mis;
 mod sampler;
 mod table;
+#[cfg(test)]
+pub(crate) mod tests;
 pub mod warp;
 
 pub use filter::{FilterTable, filter_offset};

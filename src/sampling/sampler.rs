@@ -145,3 +145,230 @@ fn pcg3d<B: Bits>(v: [B; 3]) -> [B; 3] {
     z = z + x * y;
     [x, y, z]
 }
+
+#[cfg(test)]
+mod tests {
+    use std::num::Wrapping;
+
+    use wide::f32x8;
+
+    use super::*;
+    use crate::measure::statistics::{Moments, chi_square_test};
+
+    const KINDS: [SamplerKind; 2] = [SamplerKind::Sobol, SamplerKind::Independent];
+
+    fn pair(sampler: &Sampler, pixel: (u32, u32), sample: u32, dimension: u32) -> (f32, f32) {
+        let pixel = sampler.pixel_hash(pixel.0, pixel.1);
+        sampler.pair::<f32>(Wrapping(pixel), Wrapping(sample), Wrapping(dimension))
+    }
+
+    /// Joe and Kuo's table (2008, "Constructing Sobol Sequences with Better Two-Dimensional Projections") has for the
+    /// second dimension degree 1 and m₁ = 1, so mⱼ = 2mⱼ₋₁ ⊕ mⱼ₋₁ = 1, 3, 5, 15, 17, 51, 85, 255, 257, …
+    #[test]
+    fn second_dimension_has_the_published_direction_numbers() {
+        let mut directions = [0u32; 32];
+        let mut m = 1u64;
+        for (j, direction) in directions.iter_mut().enumerate() {
+            *direction = (m << (31 - j)) as u32;
+            m ^= m << 1;
+        }
+        assert_eq!(directions[..5], [1 << 31, 3 << 30, 5 << 29, 15 << 28, 17 << 27]);
+        let first: Vec<f64> =
+            (0..8).map(|i| f64::from(second_dimension(Wrapping(i)).0.reverse_bits()) / 4_294_967_296.0).collect();
+        assert_eq!(first, [0.0, 0.5, 0.75, 0.25, 0.625, 0.125, 0.375, 0.875]);
+        for i in (0..5000).chain((0..5000).map(|i| u32::MAX - i * 858_993)) {
+            let want = (0..32).filter(|j| i >> j & 1 == 1).fold(0, |sum, j| sum ^ directions[j]);
+            assert_eq!(second_dimension(Wrapping(i)).0.reverse_bits(), want, "{i}");
+        }
+    }
+
+    /// Each aligned run of 2ᵏ samples has one point in each of the 2ᵏ boxes of 2⁻ᵃ by 2ᵃ⁻ᵏ, for all a.
+    #[test]
+    fn sobol_pairs_are_a_zero_two_sequence() {
+        for seed in [0, 1, 0x0123_4567_89ab_cdef, u64::MAX] {
+            let sampler = Sampler::new(SamplerKind::Sobol, seed);
+            for pixel in [(0, 0), (1, 0), (1919, 1079), (65_535, 70_000)] {
+                for dimension in [0, 1, 2, 77, 1_000_003] {
+                    for start in [0, 3, 257] {
+                        for k in 0..=11u32 {
+                            check_net(&sampler, pixel, dimension, start << k, k);
+                        }
+                    }
+                    check_net(&sampler, pixel, dimension, 1 << 20, 10);
+                    check_net(&sampler, pixel, dimension, 0xffff_fc00, 10);
+                }
+            }
+        }
+    }
+
+    #[track_caller]
+    fn check_net(sampler: &Sampler, pixel: (u32, u32), dimension: u32, start: u32, k: u32) {
+        let points: Vec<_> = (0..1 << k).map(|i| pair(sampler, pixel, start + i, dimension)).collect();
+        for a in 0..=k {
+            let mut full = vec![false; 1 << k];
+            for (x, y) in &points {
+                let column = (x * (1u32 << a) as f32) as usize;
+                let row = (y * (1u32 << (k - a)) as f32) as usize;
+                let cell = &mut full[column << (k - a) | row];
+                assert!(!*cell, "{pixel:?} dimension {dimension}: two of {start} + 2^{k} in a box, a = {a}");
+                *cell = true;
+            }
+        }
+    }
+
+    #[test]
+    fn lanes_equal_the_scalar_bit_for_bit() {
+        type Lanes = <f32x8 as Real>::Bits;
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 99);
+            for block in 0..1000u32 {
+                let pixel = |i: usize| sampler.pixel_hash(block * 8 + i as u32, block % 77);
+                let sample = |i: usize| (block * 31 + i as u32).wrapping_mul(65_537);
+                let dimension = |i: usize| (block + i as u32) % 50;
+                let key = (Lanes::from_fn(pixel), Lanes::from_fn(sample), Lanes::from_fn(dimension));
+                let (x, y) = sampler.pair::<f32x8>(key.0, key.1, key.2);
+                let one = sampler.one::<f32x8>(key.0, key.1, key.2);
+                for i in 0..8 {
+                    let key = (Wrapping(pixel(i)), Wrapping(sample(i)), Wrapping(dimension(i)));
+                    let want = sampler.pair::<f32>(key.0, key.1, key.2);
+                    assert_eq!(
+                        (Real::lane(x, i).to_bits(), Real::lane(y, i).to_bits()),
+                        (want.0.to_bits(), want.1.to_bits())
+                    );
+                    assert_eq!(Real::lane(one, i), want.0);
+                    assert_eq!(sampler.one::<f32>(key.0, key.1, key.2), want.0);
+                    assert!((0.0..1.0).contains(&want.0) && (0.0..1.0).contains(&want.1));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_of_a_picture_have_different_hashes() {
+        let sampler = Sampler::new(SamplerKind::Sobol, 5);
+        let mut hashes: Vec<u32> = (0..1 << 20).map(|i| sampler.pixel_hash(i & 2047, i >> 11)).collect();
+        hashes.sort_unstable();
+        hashes.dedup();
+        assert_eq!(hashes.len(), 1 << 20);
+        assert_ne!(
+            Sampler::new(SamplerKind::Sobol, 1 << 32).pixel_hash(0, 0),
+            Sampler::new(SamplerKind::Sobol, 0).pixel_hash(0, 0),
+            "all 64 bits of the seed count"
+        );
+    }
+
+    /// Chi-square over 16 × 16 cells of what must be two independent uniform numbers.
+    ///
+    /// A right sampler fails with probability 1e-4 in each of the 2 × 9 calls.
+    #[track_caller]
+    fn check_independent(what: &str, numbers: impl Iterator<Item = (f32, f32)>) {
+        let mut counts = vec![0u64; 256];
+        for (x, y) in numbers {
+            counts[(x * 16.0) as usize * 16 + (y * 16.0) as usize] += 1;
+        }
+        let test = chi_square_test(&counts, &vec![1.0; 256]);
+        assert!(test.p > 1e-4, "{what}: {test:?}");
+    }
+
+    /// Over pixels, everything is random, whatever is held fixed.
+    #[test]
+    fn pixels_and_dimensions_are_unrelated() {
+        let pixels = || (0..1u32 << 18).map(|i| (i % 512, i / 512));
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 7);
+            let at = |p, s, d| pair(&sampler, p, s, d);
+            for s in [0, 1, 12_345] {
+                check_independent(&format!("{kind:?} the pair of sample {s}"), pixels().map(|p| at(p, s, 3)));
+            }
+            check_independent("two dimensions, x", pixels().map(|p| (at(p, 4, 0).0, at(p, 4, 1).0)));
+            check_independent("two dimensions, y", pixels().map(|p| (at(p, 4, 0).1, at(p, 4, 1).1)));
+            check_independent("two dimensions, x and y", pixels().map(|p| (at(p, 0, 0).0, at(p, 0, 7).1)));
+            check_independent(
+                "neighbours in a row",
+                pixels().filter(|p| p.0 % 2 == 0).map(|p| (at(p, 4, 2).0, at((p.0 + 1, p.1), 4, 2).0)),
+            );
+            check_independent(
+                "neighbours in a column",
+                pixels().filter(|p| p.1 % 2 == 0).map(|p| (at(p, 4, 2).0, at((p.0, p.1 + 1), 4, 2).0)),
+            );
+            let next = Sampler::new(kind, 8);
+            check_independent("two seeds", pixels().map(|p| (at(p, 4, 2).0, pair(&next, p, 4, 2).0)));
+        }
+    }
+
+    /// Over the samples of one pixel, pooled over pixels: cells of the unit square are equally full in the low bits
+    /// too, which stratification does not force, and the covariance of two dimensions is 0.
+    #[test]
+    fn samples_of_a_pixel_are_uniform_and_dimensions_uncorrelated() {
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 11);
+            let fine = |u: f32| (u * 4096.0).fract();
+            check_independent(
+                &format!("{kind:?} low bits"),
+                (0..1u32 << 18).map(|i| pair(&sampler, (i >> 8, 3), i & 255, 5)).map(|(x, y)| (fine(x), fine(y))),
+            );
+            for (a, b) in [(0, 1), (1, 2), (0, 16)] {
+                let covariances: Moments = (0..4096)
+                    .map(|i| {
+                        let sum: f64 = (0..64)
+                            .map(|s| (pair(&sampler, (i, 9), s, a).0 - 0.5) * (pair(&sampler, (i, 9), s, b).0 - 0.5))
+                            .map(f64::from)
+                            .sum();
+                        sum / 64.0
+                    })
+                    .collect();
+                assert!(covariances.p_value(0.0) > 1e-4, "{kind:?} {a} {b}: {covariances:?}");
+                // A stratified pair of samples lies on opposite sides of the middle in both dimensions, so the
+                // products of the two are not independent: the variance is larger than 1/(144 n): 1.6 times.
+                let ratio = covariances.variance() * 144.0 * 64.0;
+                assert!(ratio < 2.0, "{kind:?} {a} {b}: {ratio}");
+            }
+        }
+    }
+
+    /// E[x] = 1/2, E[x² y] = 1/6, E[cos 2πx · e^y] = 0; over pixels, which are independent of one another, so the standard
+    /// error is that of the spread between pixels. Significance 1e-4 for each of the six.
+    #[test]
+    fn means_of_functions_are_right() {
+        let functions: [(fn(f64, f64) -> f64, f64); 3] =
+            [(|x, _| x, 0.5), (|x, y| x * x * y, 1.0 / 6.0), (|x, y| (std::f64::consts::TAU * x).cos() * y.exp(), 0.0)];
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 13);
+            for (f, want) in functions {
+                let means: Moments = (0..20_000).map(|i| mean(&sampler, i, 16, f)).collect();
+                assert!(means.p_value(want) > 1e-4, "{kind:?}: {means:?} is not {want}");
+            }
+        }
+    }
+
+    fn mean(sampler: &Sampler, pixel: u32, samples: u32, f: impl Fn(f64, f64) -> f64) -> f64 {
+        let sum: f64 =
+            (0..samples).map(|s| pair(sampler, (pixel, 1), s, 2)).map(|(x, y)| f(f64::from(x), f64::from(y))).sum();
+        sum / f64::from(samples)
+    }
+
+    /// Slope of log RMSE over log n between 16 and 4096 samples, over 256 pixels.
+    fn slope(kind: SamplerKind, want: f64, f: impl Fn(f64, f64) -> f64) -> f64 {
+        let sampler = Sampler::new(kind, 17);
+        let rmse = |samples: u32| {
+            let squares: f64 = (0..256).map(|i| (mean(&sampler, i, samples, &f) - want).powi(2)).sum();
+            (squares / 256.0).sqrt()
+        };
+        (rmse(4096) / rmse(16)).log2() / 8.0
+    }
+
+    /// The error of independent samples falls as n^-1/2, that of Owen-scrambled nets nearly as n^-3/2 for smooth
+    /// functions (Owen 1997, "Scrambled Net Variance for Integrals of Smooth Functions") and as n^-3/4 for the inside of
+    /// a curve. Measured from 16 to 4096 samples: −0.48 and −0.48, −1.43 and −0.70.
+    #[test]
+    fn sobol_converges_as_scrambled_nets_do() {
+        let smooth = |x: f64, y: f64| (x + y).exp();
+        let smooth_mean = (1f64.exp() - 1.0).powi(2);
+        let disk = |x: f64, y: f64| f64::from(x * x + y * y < 1.0);
+        let disk_mean = std::f64::consts::FRAC_PI_4;
+        let slopes = KINDS.map(|kind| [slope(kind, smooth_mean, smooth), slope(kind, disk_mean, disk)]);
+        let [[sobol_smooth, sobol_disk], [independent_smooth, independent_disk]] = slopes;
+        assert!(sobol_smooth < -1.35 && sobol_disk < -0.65, "{slopes:?}");
+        assert!((independent_smooth + 0.5).abs() < 0.06 && (independent_disk + 0.5).abs() < 0.06, "{slopes:?}");
+    }
+}

@@ -124,3 +124,151 @@ impl AliasTable {
 
 /// Distance between neighbours among the numbers of 24 bits.
 const CELL: f64 = 1.0 / 16_777_216.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        measure::statistics::{Moments, chi_square_test},
+        sampling::tests::numbers,
+    };
+
+    /// Probability of each row that the columns hold, exactly as they would be drawn by a real number.
+    fn drawn(table: &AliasTable) -> Vec<f64> {
+        let mut p = vec![0.0; table.len()];
+        for column in 0..table.len() {
+            let own = f64::from(table.threshold[column]);
+            p[column] += own / table.len() as f64;
+            p[table.alias[column] as usize] += (1.0 - own) / table.len() as f64;
+        }
+        p
+    }
+
+    /// The columns hold the pmf, the pmf is the weights', it sums to 1, and rows of weight 0 are never drawn.
+    #[track_caller]
+    fn check_table(weights: &[f32]) {
+        let table = AliasTable::new(weights);
+        let sum: f64 = weights.iter().copied().map(f64::from).sum();
+        let total: f64 = table.pmf.iter().copied().map(f64::from).sum();
+        assert!((total - 1.0).abs() < 1e-6, "sums to {total}");
+        for (row, p) in drawn(&table).into_iter().enumerate() {
+            let want = f64::from(weights[row]) / sum;
+            assert!((f64::from(table.pmf(row as u32)) - want).abs() <= 6e-8 * want + 1e-45, "pmf of {row}");
+            // Thresholds are rounded to 2⁻²⁴ of a column at most, and a heavy row is in many columns.
+            assert!((p - want).abs() <= 1e-7 * want + 1e-7 / weights.len() as f64, "{row}: {p} is not {want}");
+            assert!(weights[row] > 0.0 || p == 0.0, "row {row} of weight 0 can be drawn");
+        }
+        for u in [0.0, f32::MIN_POSITIVE, 0.5, 1.0 - f32::EPSILON / 2.0] {
+            for (row, rest) in [table.sample(u), table.sample_fine((u, u)), table.sample_fine((u, 0.0))] {
+                assert!(table.pmf(row) > 0.0 && (0.0..1.0).contains(&rest), "{u}: {row} {rest}");
+            }
+        }
+    }
+
+    #[test]
+    fn tables_of_all_shapes_hold_their_weights() {
+        check_table(&[3.0]);
+        check_table(&[1.0; 6]);
+        check_table(&[0.1; 1000]);
+        check_table(&[1.0, 0.0]);
+        check_table(&[0.0, 0.0, 0.0, 1e-30, 0.0]);
+        check_table(&[1e30, 1.0, 1e-30, 0.0]);
+        check_table(&[f32::MAX, f32::MAX, f32::MAX, f32::MIN_POSITIVE]);
+        check_table(&(0..1000).map(|i| (i % 7) as f32).collect::<Vec<_>>());
+        check_table(&(0..1000).map(|i| 1.0 / (i + 1) as f32).collect::<Vec<_>>());
+        check_table(&numbers(3, 5000).map(|u| (20.0 * u.0).exp()).collect::<Vec<_>>());
+        let mut sun = vec![1e-3; 10_000];
+        sun[7777] = 1e9;
+        check_table(&sun);
+        let mut hole = vec![1.0; 10_001];
+        hole[5000] = 0.0;
+        check_table(&hole);
+    }
+
+    #[test]
+    fn nothing_to_choose_makes_an_empty_table() {
+        assert!(AliasTable::new(&[]).is_empty());
+        assert!(AliasTable::new(&[0.0; 5]).is_empty());
+    }
+
+    /// P = 1/6 each, mean 3.5; E[x²] = 91/6, E[1/x] = 49/120; what is left of u is uniform. Significance 1e-4 each.
+    #[test]
+    fn six_equal_rows_are_a_fair_die() {
+        let die = AliasTable::new(&[1.0; 6]);
+        let (mut counts, mut rest) = ([0u64; 6], [0u64; 32]);
+        let mut moments = [Moments::default(); 3];
+        for (u, _) in numbers(4, 600_000) {
+            let (row, left) = die.sample(u);
+            assert_eq!(die.pmf(row), 1.0 / 6.0);
+            counts[row as usize] += 1;
+            rest[(left * 32.0) as usize] += 1;
+            let face = f64::from(row + 1);
+            moments[0].push(face);
+            moments[1].push(face * face);
+            moments[2].push(1.0 / face);
+        }
+        assert!(chi_square_test(&counts, &[1.0; 6]).p > 1e-4, "{counts:?}");
+        assert!(chi_square_test(&rest, &[1.0; 32]).p > 1e-4, "{rest:?}");
+        for (moments, want) in moments.iter().zip([3.5, 91.0 / 6.0, 49.0 / 120.0]) {
+            assert!(moments.p_value(want) > 1e-4, "{moments:?} is not {want}");
+        }
+    }
+
+    #[test]
+    fn loaded_dice_fall_as_loaded() {
+        let weights: Vec<f32> = (0..100).map(|i| ((i * 37) % 101) as f32 * (i % 3) as f32).collect();
+        let table = AliasTable::new(&weights);
+        let expected: Vec<f64> = weights.iter().copied().map(f64::from).collect();
+        let (mut coarse, mut fine, mut rest) = (vec![0u64; 100], vec![0u64; 100], [0u64; 32]);
+        for u in numbers(5, 400_000) {
+            coarse[table.sample(u.0).0 as usize] += 1;
+            let (row, left) = table.sample_fine(u);
+            fine[row as usize] += 1;
+            rest[(left * 32.0) as usize] += 1;
+        }
+        assert!(chi_square_test(&coarse, &expected).p > 1e-4);
+        assert!(chi_square_test(&fine, &expected).p > 1e-4);
+        assert!(chi_square_test(&rest, &[1.0; 32]).p > 1e-4);
+    }
+
+    /// With more rows than 24 bits can tell apart, 48 still draw them rightly: checked over blocks of rows, within
+    /// blocks, and by what is left over.
+    #[test]
+    fn a_million_rows_are_drawn_by_two_numbers() {
+        let n = 3_000_000;
+        let weights: Vec<f32> = (0..n).map(|i| if i % 5 == 0 { 0.0 } else { 1.0 + (i % 11) as f32 }).collect();
+        let table = AliasTable::new(&weights);
+        let mut expected = (vec![0.0; 64], vec![0.0; 55]);
+        for (i, weight) in weights.iter().enumerate() {
+            expected.0[i * 64 / n] += f64::from(*weight);
+            expected.1[i % 55] += f64::from(*weight);
+        }
+        let mut observed = (vec![0u64; 64], vec![0u64; 55], [0u64; 64]);
+        for u in numbers(6, 400_000) {
+            let (row, left) = table.sample_fine(u);
+            assert!(table.pmf(row) > 0.0);
+            observed.0[row as usize * 64 / n] += 1;
+            observed.1[row as usize % 55] += 1;
+            observed.2[(left * 64.0) as usize] += 1;
+        }
+        assert!(chi_square_test(&observed.0, &expected.0).p > 1e-4);
+        assert!(chi_square_test(&observed.1, &expected.1).p > 1e-4);
+        assert!(chi_square_test(&observed.2, &[1.0; 64]).p > 1e-4);
+    }
+
+    /// Neighbouring numbers draw neighbouring rows: among those lighter than the mean the row rises with u.
+    #[test]
+    fn light_rows_rise_with_the_number() {
+        let weights: Vec<f32> =
+            (0..1000).map(|i| if i % 10 == 0 { 20.0 } else { 0.5 + (i % 3) as f32 * 0.1 }).collect();
+        let table = AliasTable::new(&weights);
+        let mut last = 0;
+        for i in 0..100_000 {
+            let row = table.sample(i as f32 / 100_000.0).0;
+            if row % 10 != 0 {
+                assert!(row >= last, "{row} after {last}");
+                last = row;
+            }
+        }
+    }
+}

@@ -99,3 +99,168 @@ pub fn triangle<F: Real>(u: (F, F)) -> (F, F) {
     let half = u.0.min(u.1) * F::splat(0.5);
     (u.0 - half, u.1 - half)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{PI, TAU};
+
+    use wide::f32x8;
+
+    use super::*;
+    use crate::sampling::tests::{check_warp, numbers};
+
+    const TURN: [f64; 2] = [0.0, TAU];
+
+    /// Angle about the origin, 0 to 2π.
+    fn angle(x: f32, y: f32) -> f64 {
+        f64::from(y).atan2(f64::from(x)).rem_euclid(TAU)
+    }
+
+    /// In (r², angle) the disk has half its density; in (z, angle) the sphere has all of its own.
+    #[test]
+    fn points_and_directions_follow_their_densities() {
+        check_warp(
+            "disk",
+            [[0.0, 1.0], TURN],
+            |u| {
+                let (x, y) = concentric_disk(u);
+                [f64::from(x * x + y * y), angle(x, y)]
+            },
+            |_| 0.5 * f64::from(DISK_PDF),
+        );
+        check_warp(
+            "cosine hemisphere",
+            [[0.0, 1.0], TURN],
+            |u| {
+                let d: V3<f32> = cosine_hemisphere(u);
+                [f64::from(d.z), angle(d.x, d.y)]
+            },
+            |[z, _]| f64::from(cosine_hemisphere_pdf(z as f32)),
+        );
+        check_warp(
+            "hemisphere",
+            [[0.0, 1.0], TURN],
+            |u| {
+                let d: V3<f32> = uniform_hemisphere(u);
+                [f64::from(d.z), angle(d.x, d.y)]
+            },
+            |_| f64::from(HEMISPHERE_PDF),
+        );
+        check_warp(
+            "sphere",
+            [[-1.0, 1.0], TURN],
+            |u| {
+                let d: V3<f32> = uniform_sphere(u);
+                [f64::from(d.z), angle(d.x, d.y)]
+            },
+            |_| f64::from(SPHERE_PDF),
+        );
+        assert_eq!(cosine_hemisphere_pdf(-0.5f32), 0.0, "nothing below the plane");
+    }
+
+    /// Down to the sun and far below it, where 1 − cosθ is read from the sine: sin²θ = h (2 − h).
+    #[test]
+    fn cones_follow_their_density_however_narrow() {
+        for one_minus_cos in [1.0f32, 0.3, 1.08e-5, 1e-12] {
+            let height = f64::from(one_minus_cos);
+            // In units of the cone's height, so that the mesh of the test fits any cone.
+            check_warp(
+                &format!("cone of {one_minus_cos:e}"),
+                [[0.0, 1.0], TURN],
+                |u| {
+                    let d: V3<f32> = uniform_cone(u, one_minus_cos);
+                    let sin2 = f64::from(d.x).powi(2) + f64::from(d.y).powi(2);
+                    [sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt()) / height, angle(d.x, d.y)]
+                },
+                |_| f64::from(uniform_cone_pdf(one_minus_cos)) * height,
+            );
+        }
+    }
+
+    /// In barycentrics the half square has density 2; on the diagonal itself half of that, for the quadrature.
+    #[test]
+    fn triangle_is_covered_evenly() {
+        check_warp(
+            "triangle",
+            [[0.0, 1.0], [0.0, 1.0]],
+            |u| {
+                let (b1, b2) = triangle(u);
+                [f64::from(b1), f64::from(b2)]
+            },
+            |[b1, b2]| if (b1 + b2 - 1.0).abs() < 1e-9 { 1.0 } else { 2.0 * f64::from(b1 + b2 < 1.0) },
+        );
+    }
+
+    /// Corners of the unit square and its middle, at the ends of what 24 bits hold.
+    fn extremes() -> impl Iterator<Item = (f32, f32)> {
+        let ends = [0.0, 0.5, 0.5 - f32::EPSILON / 4.0, 1.0 - f32::EPSILON / 2.0, f32::MIN_POSITIVE];
+        ends.into_iter().flat_map(move |a| ends.map(|b| (a, b)))
+    }
+
+    #[test]
+    fn directions_are_of_unit_length_and_on_their_side() {
+        for u in numbers(1, 100_000).chain(extremes()) {
+            for d in [cosine_hemisphere(u), uniform_hemisphere(u), uniform_sphere(u), uniform_cone(u, 1e-6f32)] {
+                let length = [d.x, d.y, d.z].map(|v| f64::from(v).powi(2)).iter().sum::<f64>();
+                assert!((length - 1.0).abs() < 6e-7, "{d:?} from {u:?}");
+            }
+            assert!(cosine_hemisphere(u).z > 0.0 && uniform_hemisphere(u).z > 0.0, "{u:?}");
+            assert!(cosine_hemisphere_pdf(cosine_hemisphere(u).z) > 0.0, "{u:?}");
+            let (x, y) = concentric_disk(u);
+            assert!(f64::from(x).hypot(f64::from(y)) < 1.0 + 1e-7, "{u:?}");
+            let (b1, b2) = triangle(u);
+            assert!(b1 >= 0.0 && b2 >= 0.0 && b1 + b2 < 1.0, "{b1} {b2} from {u:?}");
+        }
+    }
+
+    /// Nearby numbers stay near, also across the diagonals: the disk stretches a step to 2·√(1 + (π/4)²) times its length at most.
+    #[test]
+    fn disk_and_triangle_are_continuous() {
+        let step = 1e-4;
+        let move_of = |f: fn((f32, f32)) -> (f32, f32), u: (f32, f32), v: (f32, f32)| {
+            let (p, q) = (f(u), f(v));
+            (p.0 - q.0).hypot(p.1 - q.1) / step
+        };
+        for i in 0..200 {
+            for j in 0..200 {
+                let u = ((i as f32 + 0.5) / 200.0, (j as f32 + 0.5) / 200.0);
+                for v in [(u.0 + step, u.1), (u.0, u.1 + step)] {
+                    assert!(move_of(concentric_disk::<f32>, u, v) < 2.6, "disk at {u:?}");
+                    assert!(move_of(triangle::<f32>, u, v) < 1.5, "triangle at {u:?}");
+                }
+            }
+        }
+    }
+
+    /// Sine and cosine stay within two roundings of the true ones.
+    #[test]
+    fn small_angles_are_accurate() {
+        for i in -1000..=1000 {
+            let x = (f64::from(i) / 1000.0 * PI / 4.0) as f32;
+            let (sin, cos) = small_sin_cos(x);
+            assert!(
+                (f64::from(sin) - f64::from(x).sin()).abs() < 8e-8
+                    && (f64::from(cos) - f64::from(x).cos()).abs() < 1.2e-7
+            );
+        }
+    }
+
+    #[test]
+    fn lanes_agree_with_the_scalar() {
+        let points: Vec<_> = numbers(2, 800).chain(extremes()).take(824).collect();
+        for block in points.as_chunks::<8>().0 {
+            let u = (f32x8::new(block.map(|u| u.0)), f32x8::new(block.map(|u| u.1)));
+            let lanes = [cosine_hemisphere(u), uniform_sphere(u), uniform_cone(u, f32x8::splat(0.1))];
+            let (b1, b2) = triangle(u);
+            for (i, &u) in block.iter().enumerate() {
+                let scalars = [cosine_hemisphere(u), uniform_sphere(u), uniform_cone(u, 0.1f32)];
+                for (lanes, scalar) in lanes.iter().zip(scalars) {
+                    for (got, want) in lanes.lane(i).into_iter().zip(scalar.lane(0)) {
+                        assert!((got - want).abs() < 2e-7, "{got} {want}");
+                    }
+                }
+                assert_eq!((Real::lane(b1, i), Real::lane(b2, i)), triangle(u));
+            }
+        }
+    }
+}

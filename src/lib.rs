@@ -12,4 +12,5 @@ pub mod render;
 pub mod sampling;
 pub mod simd;
 pub mod systems;
+pub mod wavefront;
 pub mod world;

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, time::Duration};
 
-use crate::{film::Picture, flat::FlatScene, systems::Systems, world::Scene};
+use crate::{film::Picture, flat::FlatScene, systems::Systems, wavefront, world::Scene};
 
 /// Where numbers in [0, 1) come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -120,7 +120,7 @@ pub struct Progress {
     pub seconds: f64,
 }
 
-/// Watches a render and may end it; called from one thread, several times a second.
+/// Watches a render and may end it; called by one worker at a time, several times a second.
 pub trait Observer: Sync {
     /// Told how far it is.
     fn progress(&self, _progress: &Progress) {}
@@ -224,7 +224,7 @@ impl Renderer {
     }
 
     /// Makes a picture of the tables.
-    pub fn render(&self, _settings: &RenderSettings, _observer: &dyn Observer) -> Rendered {
-        Rendered::default()
+    pub fn render(&self, settings: &RenderSettings, observer: &dyn Observer) -> Rendered {
+        wavefront::render(&self.flat, settings, observer)
     }
 }

@@ -21,6 +21,9 @@ soa! {
         n: [f32; 3],
         /// m².
         area: f32,
+        /// Bound on the distance, along each axis, between a point made from these columns and the
+        /// triangle that rays meet, m.
+        error: [f32; 3],
         /// Radiance, nit, before any texture.
         radiance: [f32; 3],
         /// 1 if the back emits too.

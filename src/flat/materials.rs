@@ -45,6 +45,10 @@ pub enum ShadingClass {
 impl ShadingClass {
     /// Number of classes.
     pub const COUNT: usize = 6;
+
+    /// The classes that paths go on from.
+    pub const SCATTERING: [Self; 5] =
+        [Self::Lambert, Self::Opaque, Self::OpaqueTextured, Self::Transmissive, Self::TransmissiveTextured];
 }
 
 soa! {

@@ -30,6 +30,19 @@ pub struct FlatMesh {
 }
 
 impl FlatMesh {
+    /// Texture coordinates of a set at a point of a triangle given by its vertices; 0 where the set is missing.
+    #[inline]
+    pub fn uv_at(&self, set: u32, triangle: [u32; 3], b1: f32, b2: f32) -> [f32; 2] {
+        match self.uvs.get(set as usize) {
+            Some(uvs) if !uvs.is_empty() => {
+                let [a, b, c] = triangle.map(|vertex| uvs[vertex as usize]);
+                let b0 = 1.0 - b1 - b2;
+                [b0 * a[0] + b1 * b[0] + b2 * c[0], b0 * a[1] + b1 * b[1] + b2 * c[1]]
+            }
+            _ => [0.0; 2],
+        }
+    }
+
     /// The three corners of a triangle, m.
     #[inline]
     pub fn corners(&self, triangle: u32) -> [[f32; 3]; 3] {

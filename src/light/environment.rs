@@ -418,14 +418,3 @@ mod tests {
         );
     }
 }
-
-impl EnvironmentTable {
-    /// stub
-    pub fn new(_m: &crate::world::EnvironmentMap, _r: f32, _s: f32) -> Self {
-        Self::default()
-    }
-    /// stub
-    pub fn power(&self, _r: f32) -> f32 {
-        0.0
-    }
-}

@@ -144,6 +144,14 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
                 continue;
             }
             light_rows.push(table.len() as u32);
+            // Rounding of the columns, of the point made from them, and of the ray's way into local space.
+            let size = |row: usize| -> f64 {
+                let corner = |p: [f32; 3]| -> f64 {
+                    (0..3).map(|axis| (m[row * 4 + axis] * f64::from(p[axis])).abs()).sum::<f64>()
+                };
+                mesh.corners(triangle).map(corner).into_iter().fold(0.0, f64::max) + m[row * 4 + 3].abs()
+            };
+            let error = std::array::from_fn(|row| (8.0 * f64::from(f32::EPSILON) * size(row)) as f32);
             table.push(EmissiveTriangle {
                 instance,
                 triangle,
@@ -152,6 +160,7 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
                 e2: e2.as_vec3().to_array(),
                 n: (flip * normal.normalize()).as_vec3().to_array(),
                 area: area_f32,
+                error,
                 radiance: flat.materials.emissive[material],
                 two_sided: u32::from(flat.materials.flags[material] & flags::DOUBLE_SIDED != 0),
                 texture: flat.materials.emissive_texture[material],

@@ -1,0 +1,179 @@
+//! Light sampling: which light, and from where on it. A kernel for eight lanes or one.
+
+use crate::{
+    flat::{EnvironmentLight, FlatScene, NONE},
+    simd::{Mask, Real, Rgb, V3},
+};
+
+use super::surface::Surface;
+
+/// Light that may arrive at a surface, before what is in the way.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample<F: Real> {
+    /// Unit direction towards the light.
+    pub wi: V3<F>,
+    /// The point that the shadow ray ends at, or, for a light infinitely far away, its direction.
+    pub target: V3<F>,
+    /// `target` is a point.
+    pub near: F::Mask,
+    /// Radiance over the density of the sample, choice of light included, nit·sr.
+    pub light: Rgb<F>,
+    /// Density per sr with which the direction was drawn; 0 where no scattered ray can find the light.
+    pub pdf: F,
+    /// Something may arrive.
+    pub valid: F::Mask,
+}
+
+/// What was chosen for one lane.
+#[derive(Clone, Copy, Default)]
+struct Picked {
+    target: [f32; 3],
+    error: [f32; 3],
+    normal: [f32; 3],
+    radiance: [f32; 3],
+    /// Area for a triangle, density for the sky.
+    measure: f32,
+    pmf: f32,
+}
+
+/// Row bits of the kinds among the lanes.
+#[derive(Clone, Copy, Default)]
+struct Kinds {
+    triangle: u32,
+    two_sided: u32,
+    local: u32,
+    distant: u32,
+    sky: u32,
+}
+
+/// Draws a light by its power for each lane, and a point on it.
+///
+/// `u_choice` chooses; `u` are two numbers for the place. `lookups` counts texture and environment look-ups.
+#[inline(always)]
+pub fn sample<F: Real>(
+    scene: &FlatScene,
+    surface: &Surface<F>,
+    active: u32,
+    u_choice: F,
+    u: (F, F),
+    lookups: &mut [u64; 2],
+) -> LightSample<F> {
+    let lights = &scene.lights;
+    let (first_local, first_distant, sky_row) =
+        (lights.first_local(), lights.first_distant(), lights.environment_row());
+    let mut kinds = Kinds::default();
+    let mut picked = [Picked::default(); 8];
+    let (b1, b2) = crate::sampling::warp::triangle(u);
+    for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
+        if active >> lane & 1 == 0 {
+            continue;
+        }
+        let (row, rest) = lights.choice.sample(u_choice.lane(lane));
+        let pmf = lights.choice.pmf(row);
+        let bit = 1 << lane;
+        one.pmf = pmf;
+        if row < first_local {
+            let triangle = lights.triangles.row(row as usize);
+            let (b1, b2) = (b1.lane(lane), b2.lane(lane));
+            kinds.triangle |= bit;
+            kinds.two_sided |= triangle.two_sided << lane;
+            one.target = std::array::from_fn(|i| triangle.p0[i] + b1 * triangle.e1[i] + b2 * triangle.e2[i]);
+            one.error = triangle.error;
+            one.normal = triangle.n;
+            one.measure = triangle.area;
+            one.radiance = triangle.radiance;
+            if triangle.texture != NONE {
+                lookups[0] += 1;
+                let mesh = &scene.meshes[scene.instances.mesh[triangle.instance as usize] as usize];
+                let vertices = mesh.triangles[triangle.triangle as usize];
+                let set = scene.textures.slots.tex_coord[triangle.texture as usize];
+                let texel = scene.textures.sample(triangle.texture, mesh.uv_at(set, vertices, b1, b2));
+                (0..3).for_each(|i| one.radiance[i] *= texel[i]);
+            }
+        } else if row < first_distant {
+            let light = lights.local.row((row - first_local) as usize);
+            kinds.local |= bit;
+            one.target = light.position;
+            one.radiance = light.intensity;
+            one.normal = light.axis;
+            one.error = [light.cos_scale, light.cos_offset, 0.0];
+        } else if row < sky_row {
+            let light = lights.distant.row((row - first_distant) as usize);
+            kinds.distant |= bit;
+            one.target = light.to_light;
+            one.radiance = light.illuminance;
+        } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
+            lookups[1] += 1;
+            kinds.sky |= bit;
+            let (direction, pdf, radiance) = map.sample(rest, (u.0.lane(lane), u.1.lane(lane)));
+            one.target = direction;
+            one.measure = pdf;
+            one.radiance = radiance;
+        }
+    }
+    let target = V3::from_fn(|lane| picked[lane].target);
+    let radiance: Rgb<F> = V3::from_fn(|lane| picked[lane].radiance);
+    let pmf = F::from_fn(|lane| picked[lane].pmf);
+    let mask = |bits: u32| F::Mask::from_bits(bits);
+    let near = mask(kinds.triangle | kinds.local);
+
+    let mut wi = target;
+    let mut end = target;
+    let mut light = radiance * (F::one() / pmf.max(F::splat(f32::MIN_POSITIVE)));
+    let mut pdf = F::zero();
+    let mut valid = mask(kinds.distant | kinds.sky) & pmf.gt(F::zero());
+    if (kinds.triangle | kinds.local) != 0 {
+        // Rays to the front start at the lifted point, those through the surface at the point itself.
+        let in_front = (target - surface.p).dot(surface.ng).gt(F::zero());
+        let from = V3::select(in_front, surface.lifted, surface.p);
+        let to_light = target - from;
+        let distance2 = to_light.length_squared();
+        let apart = distance2.gt(F::splat(f32::MIN_POSITIVE));
+        let distance2 = F::select(apart, distance2, F::one());
+        let direction = to_light * (F::one() / distance2.sqrt());
+        wi = V3::select(near, direction, wi);
+        let normal: V3<F> = V3::from_fn(|lane| picked[lane].normal);
+        let cos = -direction.dot(normal);
+        if kinds.triangle != 0 {
+            let is_triangle = mask(kinds.triangle);
+            let faces = cos.gt(F::zero()) | (mask(kinds.two_sided) & cos.lt(F::zero()));
+            let area = F::from_fn(|lane| picked[lane].measure);
+            // Where the light is seen edge-on the weight runs to zero with the cosine.
+            let solid_angle = area * cos.abs() / distance2;
+            let seen = is_triangle & faces & apart & solid_angle.gt(F::splat(1e-30));
+            pdf = F::select(seen, pmf / F::select(seen, solid_angle, F::one()), pdf);
+            light = V3::select(is_triangle, light * solid_angle, light);
+            valid = valid | seen;
+            // The end of the ray is moved off the light towards the surface by the light's own error.
+            let error: V3<F> = V3::from_fn(|lane| picked[lane].error);
+            let shift = normal.abs().dot(error).copysign(cos);
+            end = V3::select(is_triangle, normal.scale_add(shift, end), end);
+        }
+        if kinds.local != 0 {
+            let is_local = mask(kinds.local);
+            let scale = F::from_fn(|lane| picked[lane].error[0]);
+            let offset = F::from_fn(|lane| picked[lane].error[1]);
+            let falloff = cos.mul_add(scale, offset).saturate().sqr();
+            light = V3::select(is_local, light * (falloff / distance2), light);
+            valid = valid | (is_local & apart & falloff.gt(F::zero()));
+        }
+    }
+    if kinds.sky != 0 {
+        let density = F::from_fn(|lane| picked[lane].measure);
+        let is_sky = mask(kinds.sky);
+        let seen = is_sky & density.gt(F::zero());
+        light = V3::select(is_sky, light * (F::one() / F::select(seen, density, F::one())).masked(seen), light);
+        pdf = F::select(is_sky, density * pmf, pdf);
+        valid = (valid & !is_sky) | seen;
+    }
+    LightSample { wi, target: end, near, light, pdf, valid }
+}
+
+/// Density per sr with which [`sample`] draws the direction of a ray of unit direction that met an
+/// emitting triangle at distance `t`, as seen from the ray's origin.
+#[inline]
+pub fn triangle_pdf(scene: &FlatScene, light_row: u32, t: f32, cos: f32) -> f32 {
+    let lights = &scene.lights;
+    let solid_angle = lights.triangles.area[light_row as usize] * cos.abs() / (t * t);
+    if solid_angle > 1e-30 { lights.choice.pmf(light_row) / solid_angle } else { 0.0 }
+}

@@ -1,0 +1,122 @@
+//! Adds the light of emitting and unlit surfaces that paths arrived at.
+
+use super::{
+    direct,
+    queues::{HitQueue, PathQueue},
+    tally::Tally,
+};
+use crate::{
+    accel::Hit,
+    flat::{FlatScene, NONE, flags},
+    sampling::mis,
+};
+
+/// The place of a hit row.
+#[inline]
+fn hit_at(hits: &HitQueue, i: usize) -> Hit {
+    Hit {
+        t: hits.t[i],
+        instance: hits.instance[i],
+        triangle: hits.triangle[i],
+        b1: hits.b1[i],
+        b2: hits.b2[i],
+        back: hits.back[i] == 1,
+    }
+}
+
+/// Radiance that a surface emits towards the ray that met it, nit.
+#[inline]
+pub fn emitted(scene: &FlatScene, material: u32, hit: &Hit, lookups: &mut u64) -> [f32; 3] {
+    let materials = &scene.materials;
+    let row = material as usize;
+    if hit.back && materials.flags[row] & flags::DOUBLE_SIDED == 0 {
+        return [0.0; 3];
+    }
+    let slot = materials.emissive_texture[row];
+    scaled_by_texture(scene, materials.emissive[row], slot, hit, lookups)
+}
+
+/// Radiance of an unlit surface: its base colour as it is, nit.
+#[inline]
+pub fn unlit(scene: &FlatScene, material: u32, hit: &Hit, lookups: &mut u64) -> [f32; 3] {
+    let materials = &scene.materials;
+    let row = material as usize;
+    let mesh = &scene.meshes[scene.instances.mesh[hit.instance as usize] as usize];
+    let mut color = materials.base_color[row];
+    if !mesh.colors.is_empty() {
+        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|vertex| mesh.colors[vertex as usize]);
+        let b0 = 1.0 - hit.b1 - hit.b2;
+        color = std::array::from_fn(|i| color[i] * (b0 * a[i] + hit.b1 * b[i] + hit.b2 * c[i]));
+    }
+    scaled_by_texture(scene, color, materials.base_color_texture[row], hit, lookups)
+}
+
+#[inline]
+fn scaled_by_texture(scene: &FlatScene, color: [f32; 3], slot: u32, hit: &Hit, lookups: &mut u64) -> [f32; 3] {
+    if slot == NONE {
+        return color;
+    }
+    *lookups += 1;
+    let mesh = &scene.meshes[scene.instances.mesh[hit.instance as usize] as usize];
+    let vertices = mesh.triangles[hit.triangle as usize];
+    let uv = mesh.uv_at(scene.textures.slots.tex_coord[slot as usize], vertices, hit.b1, hit.b2);
+    let texel = scene.textures.sample(slot, uv);
+    std::array::from_fn(|i| color[i] * texel[i])
+}
+
+/// Weight of light found by a scattered ray of density `pdf` (0: nothing else finds it) against light sampling.
+#[inline]
+pub fn weight(scene: &FlatScene, pdf: f32, hit: &Hit, direction: [f32; 3]) -> f32 {
+    let light = scene.light_of(hit.instance, hit.triangle);
+    if pdf == 0.0 || light == NONE {
+        return 1.0;
+    }
+    let n = scene.lights.triangles.n[light as usize];
+    let cos = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
+    mis::power(pdf, direct::triangle_pdf(scene, light, hit.t, cos))
+}
+
+/// Adds the emission of the hits in `rows`.
+pub fn emit(
+    scene: &FlatScene,
+    rows: &[u32],
+    materials: &[u32],
+    paths: &PathQueue,
+    hits: &HitQueue,
+    tally: &mut Tally,
+    lookups: &mut u64,
+) {
+    for &row in rows {
+        let i = row as usize;
+        let hit = hit_at(hits, i);
+        let light = emitted(scene, materials[i], &hit, lookups);
+        if light != [0.0; 3] {
+            let weight = weight(scene, paths.pdf[i], &hit, [paths.dx[i], paths.dy[i], paths.dz[i]]);
+            add(tally, paths, i, light, weight);
+        }
+    }
+}
+
+/// Adds the light of the unlit surfaces in `rows`, where their paths end.
+pub fn show_unlit(
+    scene: &FlatScene,
+    rows: &[u32],
+    materials: &[u32],
+    paths: &PathQueue,
+    hits: &HitQueue,
+    tally: &mut Tally,
+    lookups: &mut u64,
+) {
+    for &row in rows {
+        let i = row as usize;
+        let light = unlit(scene, materials[i], &hit_at(hits, i), lookups);
+        add(tally, paths, i, light, 1.0);
+    }
+}
+
+/// Adds `light · weight` along the path in row `i`.
+#[inline]
+pub(super) fn add(tally: &mut Tally, paths: &PathQueue, i: usize, light: [f32; 3], weight: f32) {
+    let throughput = [paths.throughput_r[i], paths.throughput_g[i], paths.throughput_b[i]];
+    tally.add(paths.slot[i], paths.sample[i], std::array::from_fn(|c| throughput[c] * light[c] * weight));
+}

@@ -1,0 +1,253 @@
+//! The render loop: a wave of paths moves through the stages until none is left.
+//!
+//! ```text
+//! generate ─▶ PathQueue ─▶ intersect ─▶ HitQueue ─▶ sort ─▶ shade ─┬▶ ShadowQueue ─▶ connect ─▶ tile sums
+//!                ▲                                                 │
+//!                └───────────────────── bounce ◀───────────────────┘
+//! ```
+//!
+//! In flow a [`FlatScene`] and settings; out flow tile sums. A stage is a free function
+//! over queues, and knows no other; this module alone knows their order, and which of
+//! them a scene needs at all. One worker owns a tile and its queues, which together fit
+//! into a core's L2 cache. A wave is topped up with camera rays as its paths end, so that
+//! blocks stay full; since light is added up exactly, that changes no bit.
+
+mod absorb;
+mod bounce;
+mod connect;
+mod coverage;
+mod dimensions;
+mod direct;
+mod emit;
+mod generate;
+mod intersect;
+mod layers;
+mod one_path;
+mod queues;
+mod schedule;
+mod shade;
+mod sky;
+mod sort;
+mod stats;
+mod surface;
+mod tally;
+
+use self::{
+    coverage::SceneCoverage,
+    generate::{Cursor, Lens},
+    queues::{HitQueue, PathQueue, ShadowQueue},
+    sort::Order,
+    stats::{Counters, Stage},
+    surface::Parts,
+    tally::Tally,
+};
+pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render};
+use crate::{
+    accel::{Coverage, Solid},
+    bsdf::{Lambert, Opaque, Transmissive},
+    film::{Tile, Unit},
+    flat::{FlatScene, SceneNeeds, ShadingClass},
+    render::{LayerKind, RenderSettings},
+    sampling::{FilterTable, Sampler},
+};
+
+/// Settings as the stages read them.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Paths in a wave.
+    pub wave_size: usize,
+    /// Greatest number of scatterings.
+    pub max_depth: u32,
+    /// Lift rays to the smooth surface.
+    pub terminator_fix: bool,
+    /// Camera rays do not see the sky.
+    pub transparent: bool,
+    /// There is a light that can be sampled.
+    pub sample_lights: bool,
+    /// Some solid absorbs.
+    pub absorbs: bool,
+    /// Some surface does not stop every ray.
+    pub partial_coverage: bool,
+    /// Layers beside the beauty picture.
+    pub layers: Vec<LayerKind>,
+}
+
+/// All that workers share while they make a picture.
+pub struct Job<'a> {
+    scene: &'a FlatScene,
+    settings: Settings,
+    lens: Lens,
+    filter: FilterTable,
+    sampler: Sampler,
+    unit: Unit,
+}
+
+impl<'a> Job<'a> {
+    /// For a scene and the user's settings.
+    pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
+        let needs = scene.needs;
+        Self {
+            scene,
+            settings: Settings {
+                wave_size: settings.wave_size.max(1),
+                max_depth: settings.max_depth.unwrap_or(u32::MAX),
+                terminator_fix: settings.terminator_fix && needs.has(SceneNeeds::SMOOTH_NORMALS),
+                transparent: settings.transparent,
+                sample_lights: !scene.lights.choice.is_empty(),
+                absorbs: needs.has(SceneNeeds::VOLUMES),
+                partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
+                layers: settings.layers.clone(),
+            },
+            lens: Lens::new(scene.camera, settings.width, settings.height),
+            filter: FilterTable::new(settings.filter),
+            sampler: Sampler::new(settings.sampler, settings.seed),
+            unit,
+        }
+    }
+}
+
+/// One core's queues; they keep their memory from tile to tile.
+#[derive(Default)]
+pub struct Worker {
+    paths: PathQueue,
+    next: PathQueue,
+    hits: HitQueue,
+    shadows: ShadowQueue,
+    order: Order,
+    alive: Vec<u32>,
+    /// What this worker did.
+    counters: Counters,
+}
+
+impl Worker {
+    /// Adds the samples `from..to` of every pixel to a tile.
+    pub fn run(&mut self, job: &Job, tile: &mut Tile, from: u32, to: u32) {
+        if job.settings.partial_coverage {
+            let coverage = SceneCoverage::new(job.scene);
+            self.run_covered(job, &coverage, tile, from, to);
+            self.counters.alpha_tests += coverage.alpha_tests.get();
+            self.counters.texture_lookups += coverage.texture_lookups.get();
+        } else {
+            self.run_covered(job, &Solid, tile, from, to);
+        }
+    }
+
+    fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
+        let Job { scene, settings, lens, filter, sampler, unit } = job;
+        let rectangle = [tile.x, tile.y, tile.width, tile.height];
+        let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
+        let mut cursor = Cursor { sample: from, end: to, pixel: 0 };
+        let Self { paths, next, hits, shadows, order, alive, counters } = self;
+        paths.clear();
+        next.clear();
+        loop {
+            // Half a wave of survivors is topped up at once rather than a few rows at a time.
+            if paths.len() <= settings.wave_size / 2 && cursor.sample < cursor.end {
+                let before = paths.len();
+                counters.time_blocks(Stage::Generate, 0, |_| {
+                    generate::generate(lens, filter, sampler, rectangle, &mut cursor, settings.wave_size, paths);
+                });
+                let started = paths.len() - before;
+                counters.time_blocks(Stage::Generate, started, |_| ());
+                counters.rays.camera += started as u64;
+                counters.rays.bounce += before as u64;
+            } else {
+                counters.rays.bounce += paths.len() as u64;
+            }
+            if paths.is_empty() {
+                break;
+            }
+            counters.time(Stage::Intersect, paths.len(), |_| {
+                intersect::intersect(&scene.accel, paths, coverage, hits);
+            });
+            counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, order));
+            if settings.absorbs {
+                counters.time(Stage::Absorb, paths.len(), |counters| {
+                    counters.absorbed += absorb::absorb(scene, &order.materials, hits, paths);
+                });
+            }
+            if !settings.layers.is_empty() || settings.transparent {
+                counters.time(Stage::Layers, paths.len(), |_| {
+                    layers::layers(scene, &settings.layers, &order.materials, paths, hits, tile);
+                });
+            }
+            if let Some(environment) = &scene.lights.environment {
+                let rows = order.run(sort::MISS);
+                if !rows.is_empty() {
+                    counters.time(Stage::Sky, rows.len(), |counters| {
+                        sky::sky(scene, environment, rows, settings.transparent, paths, &mut tally);
+                        if scene.needs.has(SceneNeeds::ENVIRONMENT_MAP) {
+                            counters.environment_lookups += rows.len() as u64;
+                        }
+                    });
+                }
+            }
+            if !order.emissive.is_empty() {
+                counters.time(Stage::Emit, order.emissive.len(), |counters| {
+                    let lookups = &mut counters.texture_lookups;
+                    emit::emit(scene, &order.emissive, &order.materials, paths, hits, &mut tally, lookups);
+                });
+            }
+            let unlit = order.run(ShadingClass::Unlit as usize);
+            if !unlit.is_empty() {
+                counters.time(Stage::Unlit, unlit.len(), |counters| {
+                    let lookups = &mut counters.texture_lookups;
+                    emit::show_unlit(scene, unlit, &order.materials, paths, hits, &mut tally, lookups);
+                });
+            }
+            shadows.clear();
+            for class in ShadingClass::SCATTERING {
+                let rows = order.run(class as usize);
+                if rows.is_empty() {
+                    continue;
+                }
+                let run = match class {
+                    ShadingClass::Unlit | ShadingClass::Lambert => shade::shade::<Lambert, false>,
+                    ShadingClass::Opaque => shade::shade::<Opaque, false>,
+                    ShadingClass::OpaqueTextured => shade::shade::<Opaque, true>,
+                    ShadingClass::Transmissive => shade::shade::<Transmissive, false>,
+                    ShadingClass::TransmissiveTextured => shade::shade::<Transmissive, true>,
+                };
+                counters.time_blocks(Stage::Shade, rows.len(), |counters| {
+                    run(
+                        scene,
+                        settings,
+                        sampler,
+                        rows,
+                        &order.materials,
+                        parts_of(class),
+                        paths,
+                        hits,
+                        shadows,
+                        next,
+                        counters,
+                    );
+                });
+            }
+            if !shadows.is_empty() {
+                counters.rays.shadow += shadows.len() as u64;
+                counters.time(Stage::Connect, shadows.len(), |_| {
+                    connect::connect(&scene.accel, shadows, coverage, &mut tally);
+                });
+            }
+            paths.clear();
+            if !next.is_empty() {
+                counters.time_blocks(Stage::Bounce, next.len(), |_| bounce::bounce(sampler, next, alive, paths));
+            }
+        }
+        tile.halves = std::mem::take(&mut tally.halves);
+        self.counters.discarded += tally.discarded;
+        for sample in from..to {
+            tile.samples[(sample & 1) as usize] += 1;
+        }
+    }
+}
+
+/// The parameters that a class reads.
+fn parts_of(class: ShadingClass) -> Parts {
+    match class {
+        ShadingClass::Unlit | ShadingClass::Lambert => Parts::Color,
+        ShadingClass::Opaque | ShadingClass::OpaqueTextured => Parts::Opaque,
+        ShadingClass::Transmissive | ShadingClass::TransmissiveTextured => Parts::All,
+    }
+}

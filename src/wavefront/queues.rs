@@ -1,0 +1,86 @@
+//! What flows between the stages.
+
+use crate::soa;
+
+soa! {
+    /// Paths under way, one row each. A row's ray starts at the path's last vertex.
+    pub struct PathQueue of Path {
+        /// Start of the ray, m; off the surface it leaves by more than its rounding error.
+        ox: f32,
+        /// As above.
+        oy: f32,
+        /// As above.
+        oz: f32,
+        /// Direction, unit length.
+        dx: f32,
+        /// As above.
+        dy: f32,
+        /// As above.
+        dz: f32,
+        /// Nothing is met beyond this, m.
+        t_max: f32,
+        /// Share of the light at the far end that reaches the pixel, red.
+        throughput_r: f32,
+        /// As above, green.
+        throughput_g: f32,
+        /// As above, blue.
+        throughput_b: f32,
+        /// Density per sr with which the BSDF drew the direction; 0 where no light sample competes
+        /// with it: camera rays and deltas.
+        pdf: f32,
+        /// Product of η² along the path, which roulette must not take for a gain or loss.
+        eta_scale: f32,
+        /// Place of the pixel in the tile sums.
+        slot: u32,
+        /// Index of the sample.
+        sample: u32,
+        /// Stands for the pixel in the sampler.
+        pixel_hash: u32,
+        /// Scatterings behind it.
+        depth: u32,
+        /// Material row of the solid that the ray is inside, or `NONE`.
+        medium: u32,
+    }
+}
+
+soa! {
+    /// What the rays of a [`PathQueue`] met, row by row.
+    pub struct HitQueue of HitRow {
+        /// Distance, m; infinite for none.
+        t: f32,
+        /// Barycentric of the second corner.
+        b1: f32,
+        /// Barycentric of the third corner.
+        b2: f32,
+        /// Row of the instance, or `NONE`.
+        instance: u32,
+        /// Row of the triangle in its mesh.
+        triangle: u32,
+        /// 1 if the back was met.
+        back: u32,
+    }
+}
+
+soa! {
+    /// Rays towards lights, with the light that they carry if nothing is in the way.
+    pub struct ShadowQueue of Shadow {
+        /// Start, m.
+        origin: [f32; 3],
+        /// Direction, not of unit length.
+        direction: [f32; 3],
+        /// End, in units of the direction.
+        t_max: f32,
+        /// Decides about surfaces that cover in part.
+        ray_id: u32,
+        /// What the pixel gets, nit.
+        light: [f32; 3],
+        /// Place of the pixel in the tile sums.
+        slot: u32,
+        /// Index of the sample.
+        sample: u32,
+    }
+}
+
+/// Bytes that a path takes over all queues: two path rows (old and new), a hit, a shadow ray, a sort entry.
+pub const BYTES_PER_PATH: usize =
+    2 * PathQueue::ROW_BYTES + HitQueue::ROW_BYTES + ShadowQueue::ROW_BYTES + size_of::<u32>();

@@ -1,0 +1,300 @@
+//! Scatters paths at surfaces: samples a light for the shadow queue, and the BSDF for the next ray.
+
+use wide::f32x8;
+
+use super::{
+    Settings,
+    dimensions::{self, ray_id},
+    direct,
+    queues::{HitQueue, Path, PathQueue, Shadow, ShadowQueue},
+    stats::Counters,
+    surface::{self, Incoming, Parts},
+};
+use crate::{
+    bsdf::Bsdf,
+    flat::{FlatScene, NONE, SceneNeeds},
+    sampling::{Sampler, mis},
+    simd::{Bits, LANES, Mask, Real, Rgb, V3},
+};
+
+/// Paths at surfaces, one per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrived<F: Real> {
+    /// Hits.
+    pub hits: Incoming<F>,
+    /// Lanes that carry a path.
+    pub active: u32,
+    /// As in the path queue.
+    pub throughput: Rgb<F>,
+    /// As in the path queue.
+    pub eta_scale: F,
+    /// As in the path queue.
+    pub slot: [u32; 8],
+    /// As in the path queue.
+    pub sample: [u32; 8],
+    /// As in the path queue.
+    pub pixel_hash: [u32; 8],
+    /// As in the path queue.
+    pub depth: [u32; 8],
+    /// As in the path queue.
+    pub medium: [u32; 8],
+}
+
+/// A shadow ray per lane, with what it carries.
+#[derive(Clone, Copy, Debug)]
+pub struct Connection<F: Real> {
+    /// Start, m.
+    pub origin: V3<F>,
+    /// Direction; of any length.
+    pub direction: V3<F>,
+    /// End, in units of the direction.
+    pub t_max: F,
+    /// What the pixel gets, nit.
+    pub light: Rgb<F>,
+    /// Lanes that have one.
+    pub lanes: u32,
+}
+
+/// The next ray per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Departure<F: Real> {
+    /// Start, m.
+    pub origin: V3<F>,
+    /// Unit direction.
+    pub direction: V3<F>,
+    /// After this scattering.
+    pub throughput: Rgb<F>,
+    /// Density of the direction, 0 for a delta.
+    pub pdf: F,
+    /// After this scattering.
+    pub eta_scale: F,
+    /// Material row of the solid that the ray is inside.
+    pub medium: [u32; 8],
+    /// Lanes that go on.
+    pub lanes: u32,
+}
+
+/// The solid that a ray is inside after it left a surface.
+#[inline(always)]
+fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmitted: bool) -> u32 {
+    match (solid && transmitted, inside) {
+        (true, true) => NONE,
+        (true, false) => material,
+        (false, _) => medium,
+    }
+}
+
+/// One scattering: the kernel behind [`shade`], for eight lanes or one.
+///
+/// Contributions along the connection and the departure are complete but for visibility and roulette.
+#[inline(always)]
+pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
+    scene: &FlatScene,
+    settings: &Settings,
+    sampler: &Sampler,
+    at: &Arrived<F>,
+    parts: Parts,
+    counters: &mut Counters,
+) -> (Connection<F>, Departure<F>) {
+    let fix = settings.terminator_fix;
+    let surface = surface::interact::<F, TEXTURED>(scene, &at.hits, parts, fix, &mut counters.texture_lookups);
+    let prepared = B::prepare(&surface.params, surface.wo_local);
+    let active = F::Mask::from_bits(at.active);
+    let bits = |values: &[u32; 8]| F::Bits::from_fn(|lane| values[lane]);
+    let (pixel_hash, sample, depth) = (bits(&at.pixel_hash), bits(&at.sample), bits(&at.depth));
+    let pair = |decision| sampler.pair::<F>(pixel_hash, sample, dimensions::at::<F>(depth, decision));
+    let (u_choice, u_lobe) = pair(dimensions::CHOICE);
+    let zero = F::zero();
+    let transmissive = parts == Parts::All;
+    let solids = if transmissive { surface.params.solid.bits() } else { 0 };
+    let insides = if transmissive { surface.params.inside.bits() } else { 0 };
+    let behind = |lane: usize, transmitted: u32| {
+        let bit = |mask: u32| mask >> lane & 1 == 1;
+        medium_behind(at.medium[lane], at.hits.material[lane], bit(solids), bit(insides), bit(transmitted))
+    };
+
+    let mut connection =
+        Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), lanes: 0 };
+    let lit = active & B::scatters(&prepared);
+    if settings.sample_lights && lit.any() {
+        let light =
+            direct::sample(scene, &surface, lit.bits(), u_choice, pair(dimensions::LIGHT), &mut counters.light_lookups);
+        let wi = surface.frame.to_local(light.wi);
+        let side = light.wi.dot(surface.ng);
+        let above = side.gt(zero) & wi.z.gt(zero);
+        let below = side.lt(zero) & wi.z.lt(zero);
+        let sides = if transmissive { above | below } else { above };
+        let reached = lit & light.valid & sides;
+        if reached.any() {
+            let (f, pdf) = B::eval(&prepared, wi);
+            let weight = F::select(light.pdf.gt(zero), mis::power(light.pdf, pdf), F::one());
+            let mut carried = at.throughput * f * light.light * weight;
+            let start = V3::select(above, surface.lifted, surface.p);
+            let origin = surface::leave(start, surface.error, surface.ng, light.wi);
+            let direction = V3::select(light.near, light.target - origin, light.target);
+            if settings.absorbs {
+                let reach = light.near.bits();
+                let transmitted = below.bits();
+                let keep: Rgb<F> = V3::from_fn(|lane| match behind(lane, transmitted) {
+                    medium if medium != NONE && reach >> lane & 1 == 1 => {
+                        let [x, y, z] = direction.lane(lane);
+                        let length = (x * x + y * y + z * z).sqrt();
+                        scene.materials.absorption[medium as usize].map(|a| (-a * length).exp())
+                    }
+                    _ => [1.0; 3],
+                });
+                carried = carried * keep;
+            }
+            connection = Connection {
+                origin,
+                direction,
+                t_max: F::select(light.near, F::one(), F::splat(f32::INFINITY)),
+                light: carried,
+                lanes: (reached & !carried.max_element().eq(zero)).bits(),
+            };
+        }
+    }
+
+    let drawn = B::sample(&prepared, u_lobe, pair(dimensions::DIRECTION));
+    let wi = surface.frame.to_world(drawn.wi);
+    let side = wi.dot(surface.ng);
+    let agrees = if transmissive {
+        (side.gt(zero) & !drawn.transmitted) | (side.lt(zero) & drawn.transmitted)
+    } else {
+        side.gt(zero)
+    };
+    let throughput = at.throughput * drawn.weight;
+    let goes_on = active & drawn.valid & agrees & throughput.max_element().gt(zero);
+    let start = V3::select(side.gt(zero), surface.lifted, surface.p);
+    let transmitted = if transmissive { drawn.transmitted.bits() } else { 0 };
+    let mut medium = at.medium;
+    if settings.absorbs {
+        (0..F::LANES).for_each(|lane| medium[lane] = behind(lane, transmitted));
+    }
+    let departure = Departure {
+        origin: surface::leave(start, surface.error, surface.ng, wi),
+        direction: wi,
+        throughput,
+        pdf: drawn.pdf,
+        eta_scale: at.eta_scale * drawn.eta_scale,
+        medium,
+        lanes: goes_on.bits(),
+    };
+    (connection, departure)
+}
+
+/// Gathers the rows of one block; lanes beyond repeat the last row, paths at their greatest depth rest.
+#[inline(always)]
+fn gather(rows: &[u32], materials: &[u32], max_depth: u32, paths: &PathQueue, hits: &HitQueue) -> Arrived<f32x8> {
+    let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
+    let number = |column: &[f32]| f32x8::new(index.map(|i| column[i]));
+    let bits = |column: &[u32]| index.map(|i| column[i]);
+    let (mut back, mut active) = (0, 0);
+    for (lane, &i) in index.iter().enumerate() {
+        back |= hits.back[i] << lane;
+        active |= u32::from(lane < rows.len() && paths.depth[i] < max_depth) << lane;
+    }
+    let incoming = Incoming {
+        direction: V3::new(number(&paths.dx), number(&paths.dy), number(&paths.dz)),
+        b1: number(&hits.b1),
+        b2: number(&hits.b2),
+        back: Mask::from_bits(back),
+        instance: bits(&hits.instance),
+        triangle: bits(&hits.triangle),
+        material: bits(materials),
+    };
+    Arrived {
+        hits: incoming,
+        active,
+        throughput: V3::new(number(&paths.throughput_r), number(&paths.throughput_g), number(&paths.throughput_b)),
+        eta_scale: number(&paths.eta_scale),
+        slot: bits(&paths.slot),
+        sample: bits(&paths.sample),
+        pixel_hash: bits(&paths.pixel_hash),
+        depth: bits(&paths.depth),
+        medium: bits(&paths.medium),
+    }
+}
+
+/// Scatters the paths in `rows`, which are all of one shading class.
+///
+/// Shadow rays go to `shadows`, paths that go on to `next`.
+pub fn shade<B: Bsdf, const TEXTURED: bool>(
+    scene: &FlatScene,
+    settings: &Settings,
+    sampler: &Sampler,
+    rows: &[u32],
+    materials: &[u32],
+    parts: Parts,
+    paths: &PathQueue,
+    hits: &HitQueue,
+    shadows: &mut ShadowQueue,
+    next: &mut PathQueue,
+    counters: &mut Counters,
+) {
+    for rows in rows.chunks(LANES) {
+        let at = gather(rows, materials, settings.max_depth, paths, hits);
+        if at.active == 0 {
+            continue;
+        }
+        let (connection, departure) = scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, counters);
+        push_connections(&at, &connection, shadows, settings.partial_coverage);
+        push_departures(&at, &departure, next);
+    }
+    debug_assert!(scene.needs.has(SceneNeeds::TEXTURES) || scene.needs.has(SceneNeeds::VERTEX_COLORS) || !TEXTURED);
+}
+
+#[inline(always)]
+fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut ShadowQueue, partial_coverage: bool) {
+    let [ox, oy, oz] = [c.origin.x, c.origin.y, c.origin.z].map(f32x8::to_array);
+    let [dx, dy, dz] = [c.direction.x, c.direction.y, c.direction.z].map(f32x8::to_array);
+    let [r, g, b] = [c.light.x, c.light.y, c.light.z].map(f32x8::to_array);
+    let t_max = c.t_max.to_array();
+    let mut lanes = c.lanes;
+    while lanes != 0 {
+        let i = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let id = if partial_coverage { ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1) } else { 0 };
+        shadows.push(Shadow {
+            origin: [ox[i], oy[i], oz[i]],
+            direction: [dx[i], dy[i], dz[i]],
+            t_max: t_max[i],
+            ray_id: id,
+            light: [r[i], g[i], b[i]],
+            slot: at.slot[i],
+            sample: at.sample[i],
+        });
+    }
+}
+
+#[inline(always)]
+fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQueue) {
+    let [ox, oy, oz] = [d.origin.x, d.origin.y, d.origin.z].map(f32x8::to_array);
+    let [dx, dy, dz] = [d.direction.x, d.direction.y, d.direction.z].map(f32x8::to_array);
+    let [r, g, b] = [d.throughput.x, d.throughput.y, d.throughput.z].map(f32x8::to_array);
+    let (pdf, eta_scale) = (d.pdf.to_array(), d.eta_scale.to_array());
+    let mut lanes = d.lanes;
+    while lanes != 0 {
+        let i = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        next.push(Path {
+            ox: ox[i],
+            oy: oy[i],
+            oz: oz[i],
+            dx: dx[i],
+            dy: dy[i],
+            dz: dz[i],
+            t_max: f32::INFINITY,
+            throughput_r: r[i],
+            throughput_g: g[i],
+            throughput_b: b[i],
+            pdf: pdf[i],
+            eta_scale: eta_scale[i],
+            slot: at.slot[i],
+            sample: at.sample[i],
+            pixel_hash: at.pixel_hash[i],
+            depth: at.depth[i] + 1,
+            medium: d.medium[i],
+        });
+    }
+}

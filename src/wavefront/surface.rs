@@ -1,0 +1,400 @@
+//! From a hit to a surface: position, normals, appearance. A kernel for eight lanes or one.
+
+use crate::{
+    bsdf::Params,
+    flat::{FlatScene, NONE, flags},
+    simd::{Frame, Mask, Real, Rgb, V3},
+};
+
+/// Half the distance between 1 and the next number.
+const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
+
+/// Bound on the relative error of `n` rounded operations (Higham's γₙ).
+const fn gamma(n: i32) -> f32 {
+    let n = n as f32 * UNIT_ROUNDOFF;
+    n / (1.0 - n)
+}
+
+/// Rays and what they met, one per lane. Lanes that carry nothing repeat one that does.
+#[derive(Clone, Copy, Debug)]
+pub struct Incoming<F: Real> {
+    /// Direction of the ray, unit length.
+    pub direction: V3<F>,
+    /// Barycentric of the second corner.
+    pub b1: F,
+    /// Barycentric of the third corner.
+    pub b2: F,
+    /// The back was met.
+    pub back: F::Mask,
+    /// Rows of the instances.
+    pub instance: [u32; 8],
+    /// Rows of the triangles.
+    pub triangle: [u32; 8],
+    /// Rows of the materials.
+    pub material: [u32; 8],
+}
+
+/// Surfaces in world space, seen from the side the ray came from.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface<F: Real> {
+    /// Point, m.
+    pub p: V3<F>,
+    /// Bound on its rounding error along each axis, and on that of rays that start there, m.
+    pub error: V3<F>,
+    /// Where rays start that stay on this side: lifted to the smooth surface.
+    pub lifted: V3<F>,
+    /// Geometric normal on the side of `wo`.
+    pub ng: V3<F>,
+    /// Shading frame on the side of `wo`.
+    pub frame: Frame<F>,
+    /// Where the ray came from, unit length.
+    pub wo: V3<F>,
+    /// `wo` in the shading frame; z above 0.
+    pub wo_local: V3<F>,
+    /// Appearance.
+    pub params: Params<F>,
+}
+
+/// Which parameters a shading class reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parts {
+    /// The base colour alone.
+    Color,
+    /// All but transmission.
+    Opaque,
+    /// All.
+    All,
+}
+
+/// Columns of eight numbers filled lane by lane, read as one value.
+type Lanes = [f32; 8];
+
+#[inline(always)]
+fn vector<F: Real>(columns: &[Lanes; 3]) -> V3<F> {
+    V3::load(&columns[0], &columns[1], &columns[2])
+}
+
+/// The linear part of 3×4 matrices, transposed, times vectors: takes normals from the space that the
+/// matrix leads to back to the one it comes from.
+#[inline(always)]
+fn transposed<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
+    let at = |i: usize| F::load(&m[i]);
+    V3::new(
+        at(0) * v.x + at(4) * v.y + at(8) * v.z,
+        at(1) * v.x + at(5) * v.y + at(9) * v.z,
+        at(2) * v.x + at(6) * v.y + at(10) * v.z,
+    )
+}
+
+/// The linear part of 3×4 matrices times vectors.
+#[inline(always)]
+fn linear<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
+    let row = |r: usize| V3::load(&m[4 * r], &m[4 * r + 1], &m[4 * r + 2]);
+    V3::new(row(0).dot(v), row(1).dot(v), row(2).dot(v))
+}
+
+/// The same with all magnitudes.
+#[inline(always)]
+fn linear_abs<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
+    let row = |r: usize| V3::load(&m[4 * r], &m[4 * r + 1], &m[4 * r + 2]).abs();
+    V3::new(row(0).dot(v), row(1).dot(v), row(2).dot(v))
+}
+
+#[inline(always)]
+fn translation<F: Real>(m: &[Lanes; 12]) -> V3<F> {
+    V3::load(&m[3], &m[7], &m[11])
+}
+
+/// Positions and normals as fetched, lane by lane.
+struct Fetched {
+    corners: [[Lanes; 3]; 3],
+    normals: [[Lanes; 3]; 3],
+    world_from_local: [Lanes; 12],
+    local_from_world: [Lanes; 12],
+    mirror: Lanes,
+    any_normals: bool,
+    any_transform: bool,
+}
+
+#[inline(always)]
+fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
+    let mut f = Fetched {
+        corners: [[[0.0; 8]; 3]; 3],
+        normals: [[[0.0; 8]; 3]; 3],
+        world_from_local: [[0.0; 8]; 12],
+        local_from_world: [[0.0; 8]; 12],
+        mirror: [1.0; 8],
+        any_normals: false,
+        any_transform: false,
+    };
+    for lane in 0..F::LANES {
+        let instance = hits.instance[lane] as usize;
+        let mesh = &*scene.meshes[scene.instances.mesh[instance] as usize];
+        let vertices = mesh.triangles[hits.triangle[lane] as usize];
+        for (corner, &vertex) in vertices.iter().enumerate() {
+            let p = mesh.positions[vertex as usize];
+            (0..3).for_each(|axis| f.corners[corner][axis][lane] = p[axis]);
+        }
+        if !mesh.normals.is_empty() {
+            f.any_normals = true;
+            for (corner, &vertex) in vertices.iter().enumerate() {
+                let n = mesh.normals[vertex as usize];
+                (0..3).for_each(|axis| f.normals[corner][axis][lane] = n[axis]);
+            }
+        }
+        f.any_transform |= scene.instances.identity[instance] == 0;
+    }
+    if f.any_transform {
+        for lane in 0..F::LANES {
+            let instance = hits.instance[lane] as usize;
+            for i in 0..12 {
+                f.world_from_local[i][lane] = scene.instances.world_from_local[instance][i];
+                f.local_from_world[i][lane] = scene.instances.local_from_world[instance][i];
+            }
+            f.mirror[lane] = if scene.instances.mirrored[instance] == 1 { -1.0 } else { 1.0 };
+        }
+    }
+    f
+}
+
+/// Flips a vector where `mask` holds.
+#[inline(always)]
+fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
+    V3::select(mask, -v, v)
+}
+
+/// Bends a shading normal just so far that the mirror direction of `wo` stays above the surface.
+///
+/// After Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", A.3.
+#[inline(always)]
+fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> V3<F> {
+    let r = ns.scale_add(F::splat(2.0) * ns.dot(wo), -wo);
+    let least = (F::splat(0.1) * wo.dot(ng)).min(F::splat(0.01));
+    let height = r.dot(ng);
+    let below = height.lt(least);
+    // The mirror direction is the same for both signs of the normal; the one towards `wo` is meant.
+    let ns = flip::<F>(ns.dot(wo).lt(F::zero()), ns);
+    if !below.any() {
+        return ns;
+    }
+    let raised = ng.scale_add(least - height, r).normalize();
+    V3::select(below, (wo + raised).normalize(), ns)
+}
+
+/// Makes surfaces of hits.
+///
+/// `TEXTURED` materials look into their textures and vertex colours, and the number of look-ups is added to `lookups`.
+#[inline(always)]
+pub fn interact<F: Real, const TEXTURED: bool>(
+    scene: &FlatScene,
+    hits: &Incoming<F>,
+    parts: Parts,
+    terminator_fix: bool,
+    lookups: &mut u64,
+) -> Surface<F> {
+    let f = fetch(scene, hits);
+    let wo = -hits.direction;
+    let b0 = F::one() - hits.b1 - hits.b2;
+    let weigh = |a: V3<F>, b: V3<F>, c: V3<F>| c.scale_add(hits.b2, b.scale_add(hits.b1, a * b0));
+    let corners: [V3<F>; 3] = std::array::from_fn(|i| vector(&f.corners[i]));
+
+    // Position with its error (Pharr, Jakob, Humphreys 2023, section 6.8.4), here in local space.
+    let mut p = weigh(corners[0], corners[1], corners[2]);
+    let magnitude = weigh(corners[0].abs(), corners[1].abs(), corners[2].abs()).abs();
+    let mut error = magnitude * F::splat(gamma(7));
+    let mut ng = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let mut world_corners = corners;
+    let mut ns_raw = V3::splat(0.0);
+    let mut world_normals = [V3::splat(0.0); 3];
+    if f.any_normals {
+        world_normals = std::array::from_fn(|i| vector(&f.normals[i]));
+        ns_raw = weigh(world_normals[0], world_normals[1], world_normals[2]);
+    }
+    if f.any_transform {
+        let (to_world, to_local) = (&f.world_from_local, &f.local_from_world);
+        let local = p;
+        p = linear(to_world, local) + translation(to_world);
+        // The point's own error carried over, the rounding of the transform, and that of the next
+        // ray's way back into this local space.
+        let there = linear_abs(to_world, local.abs()) + translation::<F>(to_world).abs();
+        let back_again = linear_abs(to_local, p.abs()) + translation::<F>(to_local).abs();
+        error = linear_abs(to_world, error + back_again * F::splat(gamma(4))) + there * F::splat(gamma(4));
+        ng = transposed(to_local, ng);
+        ns_raw = transposed(to_local, ns_raw);
+        if terminator_fix && f.any_normals {
+            world_corners = world_corners.map(|corner| linear(to_world, corner) + translation(to_world));
+            world_normals = world_normals.map(|n| {
+                let n = transposed(to_local, n);
+                let length2 = n.length_squared();
+                n * (F::one() / length2.max(F::splat(f32::MIN_POSITIVE)).sqrt())
+            });
+        }
+    }
+    // The last addition of an offset rounds once more.
+    error = p.abs().scale_add(F::splat(2.0 * UNIT_ROUNDOFF), error);
+    ng = ng.normalize();
+    let ng_front = ng;
+    ng = flip::<F>(hits.back, ng);
+
+    let mut ns = ng;
+    let mut unflipped = ng_front;
+    if f.any_normals {
+        let length2 = ns_raw.length_squared();
+        let smooth = length2.gt(F::splat(1e-24));
+        let normal = ns_raw * (F::one() / F::select(smooth, length2, F::one()).sqrt());
+        unflipped = V3::select(smooth, normal, ng_front);
+        ns = flip::<F>(hits.back, unflipped);
+    }
+
+    let mut params = gather_params(scene, hits, parts);
+    let mut bent = f.any_normals;
+    if TEXTURED {
+        bent |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
+    }
+    if bent {
+        ns = valid_normal(ns, ng, wo);
+    }
+    let frame = Frame::new(ns);
+    let mut wo_local = frame.to_local(wo);
+    wo_local.z = wo_local.z.max(F::splat(1e-6));
+
+    let mut lifted = p;
+    if terminator_fix && f.any_normals {
+        // Hanika 2021, "Hacking the Shadow Terminator".
+        let lift = |i: usize| {
+            let n = flip::<F>(hits.back, world_normals[i]);
+            n * (world_corners[i] - p).dot(n).max(F::zero())
+        };
+        lifted = p + weigh(lift(0), lift(1), lift(2));
+    }
+    Surface { p, error, lifted, ng, frame, wo, wo_local, params }
+}
+
+#[inline(always)]
+fn gather_params<F: Real>(scene: &FlatScene, hits: &Incoming<F>, parts: Parts) -> Params<F> {
+    let materials = &scene.materials;
+    let row = |lane: usize| hits.material[lane] as usize;
+    let number = |column: &[f32]| F::from_fn(|lane| column[row(lane)]);
+    let color = |column: &[[f32; 3]]| -> Rgb<F> { V3::from_fn(|lane| column[row(lane)]) };
+    let mut params = Params::lambert(color(&materials.base_color));
+    if parts != Parts::Color {
+        params.metallic = number(&materials.metallic);
+        params.alpha = number(&materials.roughness).sqr();
+        params.specular = number(&materials.specular);
+        params.specular_color = color(&materials.specular_color);
+        params.ior = number(&materials.ior);
+    }
+    if parts == Parts::All {
+        params.transmission = number(&materials.transmission);
+        let mut solid = 0;
+        for lane in 0..F::LANES {
+            solid |= u32::from(materials.flags[row(lane)] & flags::SOLID != 0) << lane;
+        }
+        params.solid = F::Mask::from_bits(solid);
+        params.inside = params.solid & hits.back;
+    }
+    params
+}
+
+/// Applies textures and vertex colours; true if a shading normal was mapped.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn textured<F: Real>(
+    scene: &FlatScene,
+    hits: &Incoming<F>,
+    unflipped: V3<F>,
+    f: &Fetched,
+    params: &mut Params<F>,
+    ns: &mut V3<F>,
+    lookups: &mut u64,
+) -> bool {
+    let materials = &scene.materials;
+    let textures = &scene.textures;
+    let mut base = [[1.0; 8]; 3];
+    let (mut metallic, mut roughness, mut specular, mut transmission) = ([1.0; 8], [1.0; 8], [1.0; 8], [1.0; 8]);
+    let mut specular_color = [[1.0; 8]; 3];
+    let mut mapped = 0_u32;
+    let mut map = [[0.0; 8]; 3];
+    let mut tangent = [[0.0; 8]; 3];
+    let mut handed = [1.0; 8];
+    for lane in 0..F::LANES {
+        let row = hits.material[lane] as usize;
+        let mesh = &*scene.meshes[scene.instances.mesh[hits.instance[lane] as usize] as usize];
+        let vertices = mesh.triangles[hits.triangle[lane] as usize];
+        let (b1, b2) = (hits.b1.lane(lane), hits.b2.lane(lane));
+        let mut sample = |slot: u32| {
+            *lookups += 1;
+            textures.sample(slot, mesh.uv_at(textures.slots.tex_coord[slot as usize], vertices, b1, b2))
+        };
+        if materials.base_color_texture[row] != NONE {
+            let texel = sample(materials.base_color_texture[row]);
+            (0..3).for_each(|i| base[i][lane] = texel[i]);
+        }
+        if !mesh.colors.is_empty() {
+            let [a, b, c] = vertices.map(|vertex| mesh.colors[vertex as usize]);
+            (0..3).for_each(|i| base[i][lane] *= (1.0 - b1 - b2) * a[i] + b1 * b[i] + b2 * c[i]);
+        }
+        if materials.metallic_roughness_texture[row] != NONE {
+            let texel = sample(materials.metallic_roughness_texture[row]);
+            roughness[lane] = texel[1];
+            metallic[lane] = texel[2];
+        }
+        if materials.specular_texture[row] != NONE {
+            specular[lane] = sample(materials.specular_texture[row])[3];
+        }
+        if materials.specular_color_texture[row] != NONE {
+            let texel = sample(materials.specular_color_texture[row]);
+            (0..3).for_each(|i| specular_color[i][lane] = texel[i]);
+        }
+        if materials.transmission_texture[row] != NONE {
+            transmission[lane] = sample(materials.transmission_texture[row])[0];
+        }
+        if materials.normal_texture[row] != NONE && !mesh.tangents.is_empty() {
+            let texel = sample(materials.normal_texture[row]);
+            let scale = materials.normal_scale[row];
+            map[0][lane] = (2.0 * texel[0] - 1.0) * scale;
+            map[1][lane] = (2.0 * texel[1] - 1.0) * scale;
+            map[2][lane] = 2.0 * texel[2] - 1.0;
+            let [a, b, c] = vertices.map(|vertex| mesh.tangents[vertex as usize]);
+            (0..3).for_each(|i| tangent[i][lane] = (1.0 - b1 - b2) * a[i] + b1 * b[i] + b2 * c[i]);
+            handed[lane] = a[3];
+            mapped |= 1 << lane;
+        }
+    }
+    params.base_color = params.base_color * vector(&base);
+    params.metallic = params.metallic * F::load(&metallic);
+    // alpha is the square of roughness, so a factor of roughness enters squared.
+    params.alpha = params.alpha * F::load(&roughness).sqr();
+    params.specular = params.specular * F::load(&specular);
+    params.specular_color = params.specular_color * vector(&specular_color);
+    params.transmission = params.transmission * F::load(&transmission);
+    if mapped == 0 {
+        return false;
+    }
+    let mut t: V3<F> = vector(&tangent);
+    if f.any_transform {
+        t = linear(&f.world_from_local, t);
+    }
+    t = unflipped.scale_add(-unflipped.dot(t), t);
+    let length2 = t.length_squared();
+    let usable = F::Mask::from_bits(mapped) & length2.gt(F::splat(1e-24));
+    t = t * (F::one() / F::select(usable, length2, F::one()).sqrt());
+    // A mirroring transform turns the bitangent round with the rest of the surface.
+    let b = unflipped.cross(t) * (F::load(&handed) * F::load(&f.mirror));
+    let map: V3<F> = vector(&map);
+    let n = t.scale_add(map.x, b.scale_add(map.y, unflipped * map.z));
+    let length2 = n.length_squared();
+    let usable = usable & length2.gt(F::splat(1e-24));
+    let n = n * (F::one() / F::select(usable, length2, F::one()).sqrt());
+    *ns = V3::select(usable, flip::<F>(hits.back, n), *ns);
+    true
+}
+
+/// Where a ray in direction `w` leaves a surface point, off it by more than the point's error.
+///
+/// Pharr, Jakob, Humphreys 2023, section 6.8.6.
+#[inline(always)]
+pub fn leave<F: Real>(p: V3<F>, error: V3<F>, ng: V3<F>, w: V3<F>) -> V3<F> {
+    let distance = ng.abs().dot(error);
+    ng.scale_add(distance.copysign(w.dot(ng)), p)
+}

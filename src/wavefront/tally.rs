@@ -1,0 +1,27 @@
+//! Where contributions go: the sums of the worker's tile.
+
+use crate::film::{Sums, Unit};
+
+/// Adds light to the tile a worker owns, and counts what is not finite.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    /// Step of the sums.
+    pub unit: Unit,
+    /// Sums by parity of the sample.
+    pub halves: [Sums; 2],
+    /// Contributions that were not finite or out of range.
+    pub discarded: u64,
+}
+
+impl Tally {
+    /// Adds light to a pixel.
+    #[inline]
+    pub fn add(&mut self, slot: u32, sample: u32, light: [f32; 3]) {
+        if light == [0.0; 3] {
+            return;
+        }
+        if !self.halves[(sample & 1) as usize].add(self.unit, slot as usize, light) {
+            self.discarded += 1;
+        }
+    }
+}

@@ -1,11 +1,166 @@
-//! One path at a time: the same kernels with one lane and no queues, as a measure of what the wavefront gains.
+//! One path at a time: the same kernels with one lane and no queues, as the measure of what the wavefront gains.
+//!
+//! The picture is the wavefront's up to the rounding of transcendental functions, which SIMD computes
+//! by other polynomials. For benchmarks and tests.
 
+use super::{
+    Job, Worker, absorb,
+    bounce::{ROULETTE_FROM, survival},
+    coverage::SceneCoverage,
+    dimensions::{self, ray_id},
+    emit, parts_of, schedule,
+    shade::{self, Arrived, Connection, Departure},
+    sky,
+    stats::Counters,
+    surface::Incoming,
+    tally::Tally,
+};
 use crate::{
-    flat::FlatScene,
+    accel::{Coverage, Solid},
+    bsdf::{Lambert, Opaque, Transmissive},
+    film::Tile,
+    flat::{FlatScene, NONE, ShadingClass, flags},
     render::{Observer, RenderSettings, Rendered},
+    simd::{Bits, Real, V3},
 };
 
-/// Makes the picture of [`render`](super::render) one path at a time. For benchmarks and tests.
+/// Makes the picture of [`render`](super::render) one path at a time. Layers are left black.
 pub fn render_one_path(scene: &FlatScene, settings: &RenderSettings, observer: &dyn Observer) -> Rendered {
-    super::schedule::render(scene, settings, observer)
+    schedule::render_by(scene, settings, observer, run)
+}
+
+/// As [`Worker::run`].
+fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32) {
+    if job.settings.partial_coverage {
+        run_covered(worker, job, &SceneCoverage::new(job.scene), tile, from, to);
+    } else {
+        run_covered(worker, job, &Solid, tile, from, to);
+    }
+}
+
+fn run_covered<C: Coverage>(worker: &mut Worker, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
+    let mut tally = Tally { unit: job.unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
+    for sample in from..to {
+        for slot in 0..tile.width * tile.height {
+            let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
+            trace(job, coverage, x, y, slot, sample, &mut tally, &mut worker.counters);
+        }
+        tile.samples[(sample & 1) as usize] += 1;
+    }
+    tile.halves = std::mem::take(&mut tally.halves);
+    worker.counters.discarded += tally.discarded;
+}
+
+type Integer = <f32 as Real>::Bits;
+
+/// Follows one path to its end.
+fn trace<C: Coverage>(
+    job: &Job,
+    coverage: &C,
+    x: u32,
+    y: u32,
+    slot: u32,
+    sample: u32,
+    tally: &mut Tally,
+    counters: &mut Counters,
+) {
+    let Job { scene, settings, lens, filter, sampler, .. } = job;
+    let pixel_hash = sampler.pixel_hash(x, y);
+    let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
+    let u = pair(Integer::splat(dimensions::FILTER));
+    let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
+    let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);
+    let mut throughput = V3::splat(1.0);
+    let (mut pdf, mut eta_scale, mut medium) = (0.0, 1.0, NONE);
+    counters.rays.camera += 1;
+    for depth in 0.. {
+        let hit = scene.accel.nearest(origin, direction, t_max, ray_id(pixel_hash, sample, depth, 0), coverage);
+        if hit.instance == NONE {
+            if let Some(environment) = &scene.lights.environment
+                && !(settings.transparent && depth == 0)
+            {
+                let (radiance, weight) = sky::seen(scene, environment, direction, pdf);
+                tally.add(slot, sample, (throughput * V3::from_array(radiance) * weight).lane(0));
+            }
+            return;
+        }
+        let material = scene.material_of(hit.instance, hit.triangle);
+        if settings.absorbs {
+            let medium = absorb::medium_of(scene, medium, material, hit.back);
+            if medium != NONE {
+                let keep = scene.materials.absorption[medium as usize].map(|a| (-a * hit.t).exp());
+                throughput = throughput * V3::from_array(keep);
+            }
+        }
+        if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
+            let light = emit::emitted(scene, material, &hit, &mut counters.texture_lookups);
+            let weight = emit::weight(scene, pdf, &hit, direction);
+            tally.add(slot, sample, (throughput * V3::from_array(light) * weight).lane(0));
+        }
+        if scene.materials.flags[material as usize] & flags::UNLIT != 0 {
+            let light = emit::unlit(scene, material, &hit, &mut counters.texture_lookups);
+            tally.add(slot, sample, (throughput * V3::from_array(light)).lane(0));
+            return;
+        }
+        if depth >= settings.max_depth {
+            return;
+        }
+        let at = Arrived {
+            hits: Incoming {
+                direction: V3::from_array(direction),
+                b1: hit.b1,
+                b2: hit.b2,
+                back: hit.back,
+                instance: [hit.instance; 8],
+                triangle: [hit.triangle; 8],
+                material: [material; 8],
+            },
+            active: 1,
+            throughput,
+            eta_scale,
+            slot: [slot; 8],
+            sample: [sample; 8],
+            pixel_hash: [pixel_hash; 8],
+            depth: [depth; 8],
+            medium: [medium; 8],
+        };
+        let (connection, departure) = scatter(job, scene.materials.class[material as usize], &at, counters);
+        if connection.lanes != 0 {
+            counters.rays.shadow += 1;
+            let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
+            let id = ray_id(pixel_hash, sample, depth, 1);
+            if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage) {
+                tally.add(slot, sample, connection.light.lane(0));
+            }
+        }
+        if departure.lanes == 0 {
+            return;
+        }
+        throughput = departure.throughput;
+        eta_scale = departure.eta_scale;
+        if depth + 1 >= ROULETTE_FROM {
+            let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
+            let u: f32 = sampler.one(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
+            let q = survival(throughput.max_element(), eta_scale);
+            if u >= q {
+                return;
+            }
+            throughput = throughput * (1.0 / q);
+        }
+        (origin, direction, t_max) = (departure.origin.lane(0), departure.direction.lane(0), f32::INFINITY);
+        (pdf, medium) = (departure.pdf, departure.medium[0]);
+        counters.rays.bounce += 1;
+    }
+}
+
+fn scatter(job: &Job, class: u32, at: &Arrived<f32>, counters: &mut Counters) -> (Connection<f32>, Departure<f32>) {
+    let class = ShadingClass::SCATTERING.into_iter().find(|&c| c as u32 == class).unwrap_or(ShadingClass::Lambert);
+    let run = match class {
+        ShadingClass::Unlit | ShadingClass::Lambert => shade::scatter::<f32, Lambert, false>,
+        ShadingClass::Opaque => shade::scatter::<f32, Opaque, false>,
+        ShadingClass::OpaqueTextured => shade::scatter::<f32, Opaque, true>,
+        ShadingClass::Transmissive => shade::scatter::<f32, Transmissive, false>,
+        ShadingClass::TransmissiveTextured => shade::scatter::<f32, Transmissive, true>,
+    };
+    run(job.scene, &job.settings, &job.sampler, at, parts_of(class), counters)
 }

@@ -37,7 +37,7 @@ pub(super) fn encode(to: &mut impl Write, picture: &Picture) -> io::Result<()> {
 
 /// The nearest light that a shared exponent can hold: 0 for what is negative or not a number.
 fn storable(light: f32) -> f32 {
-    light.max(0.0).min(1.7e38)
+    if light > 0.0 { light.min(1.7e38) } else { 0.0 }
 }
 
 /// Reads any Radiance file of RGBE pixels.

@@ -94,7 +94,7 @@ impl ToneMap {
     /// Linear display light in [0, 1] of exposed light. Light below 0 or not a number counts as 0.
     pub fn map(self, rgb: [f32; 3]) -> [f32; 3] {
         // Beyond 2^30 every curve is flat, and infinity would turn into 0 · ∞.
-        let light = rgb.map(|c| c.max(0.0).min(1_073_741_824.0));
+        let light = rgb.map(|c| if c > 0.0 { c.min(1_073_741_824.0) } else { 0.0 });
         let mapped = match self {
             Self::Neutral => neutral(light),
             Self::Agx => agx(light),

@@ -81,9 +81,7 @@ mod tests {
         x[77][1] = 4.0;
         assert!((rel_mse(&x, &reference) - 9.0 / 1.01 / 6000.0).abs() < 1e-12);
         assert_eq!(rel_mse_trimmed(&x, &reference, 0.001), 0.0);
-        for i in 0..3 {
-            x[i][0] = 2.0;
-        }
+        x[..3].fill([2.0, 1.0, 1.0]);
         // Four pixels are wrong; the firefly and one of the other three are left out.
         assert!((rel_mse_trimmed(&x, &reference, 0.001) - 2.0 / 1.01 / 3.0 / 1998.0).abs() < 1e-12);
     }

@@ -1,0 +1,3 @@
+//! Evidence, a module per kind.
+
+mod cli;

@@ -113,7 +113,7 @@ fn add(uses: &mut Vec<ExtensionUse>, new: ExtensionUse, at: &super::error::Place
             warnings.push(at, format!("{} is not supported: {how}", new.name));
         }
         ExtensionStatus::Ignored(instead) if !METADATA.contains(&&*new.name) => {
-            warnings.push(at, format!("{} is not supported and ignored: {instead}", new.name));
+            warnings.push(at, format!("{} is ignored: {instead}", new.name));
         }
         _ => {}
     }

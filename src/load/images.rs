@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     buffers::Buffers,
     document::{Document, IMAGES},
-    error::{LoadError, Place},
+    error::{LoadError, Place, Warnings},
     json::Json,
     uri,
 };
@@ -46,34 +46,75 @@ pub(super) fn check_size(at: &Place, width: u64, height: u64, bytes: usize) -> R
 
 /// Decodes the images of the given indices, in parallel; the others stay `None`.
 ///
+/// So do, with a warning, those in a format that an unsupported extension brings.
+///
 /// # Errors
 /// That of the first image, in file order, that cannot be decoded.
 pub(super) fn decode_all(
     document: &Document<'_>,
     buffers: &Buffers<'_>,
     wanted: &[bool],
+    warnings: &mut Warnings,
 ) -> Result<Vec<Option<Arc<Image>>>, LoadError> {
     let results: Vec<_> = (0..document.count(IMAGES))
         .into_par_iter()
-        .map(|index| {
-            let json = document.element(IMAGES, index);
-            wanted[index].then(|| decode(&json, index, buffers).map(Arc::new)).transpose()
-        })
+        .map(|index| wanted[index].then(|| decode(&document.element(IMAGES, index), index, buffers)).transpose())
         .collect();
-    results.into_iter().collect()
+    let mut images = Vec::with_capacity(results.len());
+    for (index, result) in results.into_iter().enumerate() {
+        images.push(match result? {
+            Some(Decoded::Texels(image)) => Some(Arc::new(image)),
+            Some(Decoded::Foreign(extension)) => {
+                let at = document.root.at.join(IMAGES.key).join(index);
+                if document.requires(extension) {
+                    return Err(LoadError::RequiredExtension { at, name: extension.to_owned() });
+                }
+                warnings.push(&at, format!("its format needs {extension}, which is not supported; left out"));
+                None
+            }
+            None => None,
+        });
+    }
+    Ok(images)
 }
 
-fn decode(json: &Json<'_>, index: usize, buffers: &Buffers<'_>) -> Result<Image, LoadError> {
+/// What became of an image.
+enum Decoded {
+    Texels(Image),
+    /// In the format of this extension.
+    Foreign(&'static str),
+}
+
+/// The extension that brings a format, by the first bytes of the file.
+fn foreign_format(bytes: &[u8]) -> Option<&'static str> {
+    if bytes.starts_with(b"\xabKTX 20\xbb") {
+        Some("KHR_texture_basisu")
+    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+        Some("EXT_texture_webp")
+    } else if bytes.starts_with(b"DDS ") {
+        Some("MSFT_texture_dds")
+    } else if bytes.get(4..12) == Some(b"ftypavif") {
+        Some("EXT_texture_avif")
+    } else {
+        None
+    }
+}
+
+fn decode(json: &Json<'_>, index: usize, buffers: &Buffers<'_>) -> Result<Decoded, LoadError> {
     let uri = json.get("uri")?;
     let name = match (json.get("name")?, &uri) {
         (Some(name), _) => name.string()?.to_owned(),
         (None, Some(uri)) if !uri.string()?.starts_with("data:") => uri.string()?.to_owned(),
         _ => format!("image {index}"),
     };
+    let decode = |bytes: &[u8]| match foreign_format(bytes) {
+        Some(extension) => Ok(Decoded::Foreign(extension)),
+        None => decode_bytes(json, name, bytes).map(Decoded::Texels),
+    };
     match uri {
-        Some(uri) => decode_bytes(json, name, &uri::resolve(&uri, buffers.folder())?.read(&uri)?),
+        Some(uri) => decode(&uri::resolve(&uri, buffers.folder())?.read(&uri)?),
         None => match buffers.view_of(json)? {
-            Some(view) => decode_bytes(json, name, view.bytes),
+            Some(view) => decode(view.bytes),
             None => Err(LoadError::Missing { at: json.at.clone(), key: "uri or bufferView".to_owned() }),
         },
     }

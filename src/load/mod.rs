@@ -94,8 +94,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let mut info = FileInfo::read(&document)?;
     info.extensions = extensions::check(&document, &mut warnings)?;
     if info.counts.animations > 0 {
-        let text = format!("its {} animations are not played: all stands in its rest pose", info.counts.animations);
-        warnings.push(&document.root.at, text);
+        let at = document.root.at.join("animations");
+        warnings.push(&at, "animations are not played: all stands in its rest pose");
     }
     let buffers = Buffers::new(&document, folder, container.binary);
     let scene = scene::read(&document, &buffers, options, &mut info, &mut warnings)?;

@@ -52,7 +52,7 @@ pub(super) fn read(
     let (contents, jobs) = read_contents(document, buffers, &nodes, &order, &drafts, warnings)?;
     let mut wanted = vec![false; document.count(IMAGES)];
     drafts.iter().flatten().for_each(|draft| draft.mark_images(&mut wanted));
-    let images = images::decode_all(document, buffers, &wanted)?;
+    let images = images::decode_all(document, buffers, &wanted, warnings)?;
     let meshes = meshes::read_all(&jobs, document, buffers, warnings)?;
 
     let mut scene = Scene::new();

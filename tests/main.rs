@@ -1,3 +1,4 @@
-//! Evidence, a module per kind.
+//! One binary, a module per kind of evidence.
 
 mod cli;
+mod gltf;

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 use wavecast::{
-    load::{self, FileInfo, LoadOptions},
+    load::{self, ExtensionStatus, ExtensionUse, FileInfo, LoadOptions},
     render::Renderer,
-    world::{Camera, Name, Scene},
 };
 
-use super::{Outcome, console::Console, error::CliError, memory};
+use super::{Outcome, console::Console, error::CliError, memory, render::camera_names};
 
 /// Say what is in a scene, what is ignored or approximated, and what it needs and skips
 #[derive(clap::Args)]
@@ -25,7 +24,7 @@ pub struct Args {
 
 /// Loads the scene, builds its tables and tells about both.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
-    let mut loaded = load::load(&args.scene_file, &LoadOptions { scene: args.scene.clone() })?;
+    let mut loaded = load::load(&args.scene_file, &LoadOptions { scene: args.scene.as_deref().map(Into::into) })?;
     loaded.warnings.iter().for_each(|warning| console.warn(warning));
     let mut renderer = Renderer::new();
     let report = renderer.sync(&mut loaded.scene);
@@ -44,13 +43,14 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
         ("point and spot lights", flat.lights.local.len()),
         ("directional lights", flat.lights.distant.len()),
     ];
-    let file = file_info(&loaded.info);
-    let cameras = camera_names(&loaded.scene);
+    let cameras = camera_names(&loaded.scene, &loaded.info.cameras);
     let (needs, skips) = (flat.needs.names(false), flat.needs.names(true));
 
     let mut text = format!("{}\n", args.scene_file.display());
-    describe(&mut text, 1, &file);
-    text.push_str(&format!("  cameras: {}\n", if cameras.is_empty() { "none".into() } else { cameras.join(", ") }));
+    text.push_str(&file_text(&loaded.info));
+    let names: Vec<_> = cameras.iter().enumerate().map(|(i, name)| format!("{i} {name:?}")).collect();
+    text.push_str(&format!("cameras: {}\n", if names.is_empty() { "none".into() } else { names.join(", ") }));
+    text.push_str("tables of the scene:\n");
     for (name, count) in counts {
         text.push_str(&format!("  {name}: {count}\n"));
     }
@@ -71,7 +71,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
         memory.insert("total".into(), total.into());
         json!({
             "file": args.scene_file.display().to_string(),
-            "contents": file,
+            "contents": file_info(&loaded.info),
             "cameras": cameras,
             "counts": counts.iter().map(|&(name, count)| (name.replace(' ', "_"), count.into())).collect::<Map<_, _>>(),
             "needs": needs,
@@ -85,51 +85,76 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
 }
 
 /// What the loader says of the file.
-fn file_info(_info: &FileInfo) -> Value {
-    json!({})
+fn file_info(info: &FileInfo) -> Value {
+    let extension = |extension: &ExtensionUse| {
+        let (status, note) = match extension.status {
+            ExtensionStatus::Read => ("read", None),
+            ExtensionStatus::Approximated(note) => ("approximated", Some(note)),
+            ExtensionStatus::Ignored(note) => ("ignored", Some(note)),
+        };
+        json!({ "name": extension.name, "required": extension.required, "status": status, "note": note })
+    };
+    let counts = &info.counts;
+    json!({
+        "gltf": info.version,
+        "generator": info.generator,
+        "scenes": info.scenes,
+        "scene": info.scene,
+        "counts": {
+            "meshes": counts.meshes,
+            "triangles": counts.triangles,
+            "instanced_triangles": counts.instanced_triangles,
+            "materials": counts.materials,
+            "textures": counts.textures,
+            "images": counts.images,
+            "lights": counts.lights,
+            "cameras": counts.cameras,
+            "nodes": counts.nodes,
+            "scenes": counts.scenes,
+            "animations": counts.animations,
+            "skins": counts.skins,
+        },
+        "extensions": info.extensions.iter().map(extension).collect::<Vec<_>>(),
+    })
 }
 
-/// Names of the cameras in the order of their indices.
-fn camera_names(scene: &Scene) -> Vec<String> {
-    let name = |key| scene.get::<Name>(key).map_or_else(|| "(no name)".into(), |name| name.0.to_string());
-    scene.keys_with::<Camera>().into_iter().map(name).collect()
+/// What becomes of the file, as a few lines for people.
+fn file_text(info: &FileInfo) -> String {
+    let counts = &info.counts;
+    let mut text = format!(
+        "  glTF {}, by {}\n  in the file: {} nodes, {} meshes, {} triangles, {} materials, {} textures, {} images, {} lights, \
+         {} cameras, {} animations, {} skins\n",
+        info.version,
+        info.generator.as_deref().unwrap_or("an unnamed program"),
+        counts.nodes,
+        counts.meshes,
+        counts.triangles,
+        counts.materials,
+        counts.textures,
+        counts.images,
+        counts.lights,
+        counts.cameras,
+        counts.animations,
+        counts.skins,
+    );
+    if info.scenes.len() > 1 {
+        let name =
+            |(i, name): (usize, &String)| format!("{}{i} {name:?}", if info.scene == Some(i) { "*" } else { "" });
+        let names: Vec<_> = info.scenes.iter().enumerate().map(name).collect();
+        text.push_str(&format!("  scenes (* loaded): {}\n", names.join(", ")));
+    }
+    for extension in &info.extensions {
+        let required = if extension.required { ", required" } else { "" };
+        let status = match extension.status {
+            ExtensionStatus::Read => "read".into(),
+            ExtensionStatus::Approximated(note) => format!("approximated: {note}"),
+            ExtensionStatus::Ignored(note) => format!("ignored: {note}"),
+        };
+        text.push_str(&format!("  {}{required}: {status}\n", extension.name));
+    }
+    text
 }
 
 fn list(names: &[&str]) -> String {
     if names.is_empty() { "nothing".into() } else { names.join(", ") }
-}
-
-/// JSON as indented text.
-fn describe(text: &mut String, indent: usize, value: &Value) {
-    let pad = "  ".repeat(indent);
-    let Value::Object(fields) = value else { return };
-    for (key, value) in fields {
-        match value {
-            Value::Null => {}
-            Value::Array(items) if items.is_empty() => text.push_str(&format!("{pad}{key}: none\n")),
-            Value::Array(items) => {
-                text.push_str(&format!("{pad}{key}:\n"));
-                for item in items {
-                    text.push_str(&format!("{pad}  {}\n", plain(item)));
-                }
-            }
-            Value::Object(_) => {
-                text.push_str(&format!("{pad}{key}:\n"));
-                describe(text, indent + 1, value);
-            }
-            _ => text.push_str(&format!("{pad}{key}: {}\n", plain(value))),
-        }
-    }
-}
-
-fn plain(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Object(fields) => {
-            let parts: Vec<_> =
-                fields.iter().filter(|(_, v)| !v.is_null()).map(|(k, v)| format!("{k} {}", plain(v))).collect();
-            parts.join(", ")
-        }
-        other => other.to_string(),
-    }
 }

@@ -63,6 +63,9 @@ enum Outcome {
 }
 
 /// Reads the arguments, does what they say, and tells how it went.
+///
+/// Never inlined, so that nothing of it runs before `main` has asked the processor.
+#[inline(never)]
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     if cfg!(all(target_arch = "x86_64", not(target_feature = "avx2"))) {

@@ -10,9 +10,9 @@ use std::{
 use wavecast::{
     film::{self, Exposure, Format},
     flat::CameraView,
-    load::{self, LoadOptions},
+    load::{self, CameraInfo, LoadOptions},
     render::{RenderSettings, Renderer},
-    world::{Camera, Environment, Name, Scene, Sky},
+    world::{Camera, Environment, Name, Scene, SceneKey, Sky},
 };
 
 use super::{
@@ -117,14 +117,14 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     let mut seconds = Seconds::default();
     check_outputs(&args, console)?;
 
-    let options = LoadOptions { scene: args.scene.clone() };
+    let options = LoadOptions { scene: args.scene.as_deref().map(Into::into) };
     let mut loaded = load::load(&args.scene_file, &options)?;
     loaded.warnings.iter().for_each(|warning| console.warn(warning));
     let scene = &mut loaded.scene;
     if let Some(env) = &args.env {
         set_environment(scene, env, &args, console)?;
     }
-    choose_camera(scene, &args, console)?;
+    choose_camera(scene, &loaded.info.cameras, &args, console)?;
     seconds.load = start.elapsed().as_secs_f64();
 
     let sync_start = Instant::now();
@@ -221,8 +221,8 @@ fn set_environment(scene: &mut Scene, env: &EnvArg, args: &Args, console: &mut C
     Ok(())
 }
 
-/// Finds the camera by its name, else by its place in the file.
-fn choose_camera(scene: &mut Scene, args: &Args, console: &Console) -> Result<(), CliError> {
+/// Finds the camera by the name of its node, else by its own, else by its place among the scene's.
+fn choose_camera(scene: &mut Scene, in_file: &[CameraInfo], args: &Args, console: &Console) -> Result<(), CliError> {
     let cameras = scene.keys_with::<Camera>();
     let Some(wanted) = &args.camera else {
         if cameras.is_empty() {
@@ -230,20 +230,25 @@ fn choose_camera(scene: &mut Scene, args: &Args, console: &Console) -> Result<()
         }
         return Ok(());
     };
-    let names: Vec<_> = cameras.iter().map(|&key| scene.get::<Name>(key)).collect();
-    let by_name = names.iter().position(|name| name.as_ref().is_some_and(|name| *name.0 == **wanted));
-    let found = by_name.or_else(|| wanted.parse().ok()).and_then(|index: usize| cameras.get(index).copied());
+    let node = |key: &SceneKey| scene.get::<Name>(*key).is_some_and(|name| *name.0 == **wanted);
+    let own = |key: &SceneKey| in_file.iter().any(|camera| camera.name == *wanted && camera.keys.contains(key));
+    let index = wanted.parse().ok().and_then(|index: usize| cameras.get(index));
+    let found = cameras.iter().find(|key| node(key)).or_else(|| cameras.iter().find(|key| own(key))).or(index);
     if found.is_none() {
-        let list: Vec<_> = names
-            .iter()
-            .enumerate()
-            .map(|(i, name)| name.as_ref().map_or_else(|| i.to_string(), |name| format!("{i} {:?}", name.0)))
-            .collect();
+        let names = camera_names(scene, in_file);
+        let list: Vec<_> = names.iter().enumerate().map(|(i, name)| format!("{i} {name:?}")).collect();
         let available = if list.is_empty() { "none in the scene".into() } else { list.join(", ") };
         return Err(CliError::NoCamera { scene: args.scene_file.clone(), wanted: wanted.clone(), available });
     }
-    scene.active_camera = found;
+    scene.active_camera = found.copied();
     Ok(())
+}
+
+/// Names of the scene's cameras in the order of their indices: the node's, else their own.
+pub fn camera_names(scene: &Scene, in_file: &[CameraInfo]) -> Vec<String> {
+    let own = |key| in_file.iter().find(|camera| camera.keys.contains(&key)).map(|camera| camera.name.clone());
+    let name = |key| scene.get::<Name>(key).map(|name| name.0.to_string()).or_else(|| own(key)).unwrap_or_default();
+    scene.keys_with::<Camera>().into_iter().map(name).collect()
 }
 
 /// 1280 pixels wide in the shape that the camera asks for.
@@ -394,12 +399,14 @@ mod tests {
         let spawn = |scene: &mut Scene, name: &str| scene.spawn((Name(name.into()), Camera::perspective(1.0)));
         let keys = [spawn(&mut scene, "left"), spawn(&mut scene, "0"), spawn(&mut scene, "right")];
         let console = Console::new(true, false);
+        let in_file = [CameraInfo { name: "wide".into(), keys: vec![keys[2]] }];
         let mut choose = |line: &str| {
             let (args, _) = parse(line);
-            choose_camera(&mut scene, &args, &console).map(|()| scene.active_camera)
+            choose_camera(&mut scene, &in_file, &args, &console).map(|()| scene.active_camera)
         };
         assert_eq!(choose("").unwrap(), None);
         assert_eq!(choose("--camera right").unwrap(), Some(keys[2]));
+        assert_eq!(choose("--camera wide").unwrap(), Some(keys[2]), "the camera's own name");
         assert_eq!(choose("--camera 2").unwrap(), Some(keys[2]));
         assert_eq!(choose("--camera 0").unwrap(), Some(keys[1]), "a name comes before an index");
         let error = choose("--camera top").unwrap_err();

@@ -1,3 +1,5 @@
 //! One binary, a module per kind of evidence.
 
 mod analytic;
+mod cli;
+mod gltf;

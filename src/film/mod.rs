@@ -1,8 +1,32 @@
 //! Light to pixels to files.
+//!
+//! In flow contributions of paths, added as integers in the tiles of a [`Film`]; out
+//! flows a [`Picture`], scene-linear and unexposed, and from it files. Exposure and tone
+//! mapping happen here and nowhere else.
 
+mod error;
+mod exr;
+mod hdr;
+mod metadata;
 mod picture;
+mod png;
+mod read;
 mod sums;
 mod tiles;
-pub use picture::{Layer, LayerData, Picture};
-pub use sums::{Sums, Unit};
-pub use tiles::{Film, Tile};
+mod tonemap;
+mod write;
+
+pub use self::{
+    error::FilmError,
+    picture::{Layer, LayerData, Picture},
+    read::{Referred, read},
+    sums::{Sums, Unit},
+    tiles::{Film, Tile},
+    tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},
+    write::{Format, WriteOptions, check_writable, discard_unfinished, write, write_file},
+};
+
+pub(crate) use self::tonemap::luminance;
+
+#[cfg(test)]
+mod tests;

@@ -1,3 +1,10 @@
-//! Image metrics, and the statistics that tests and error bars stand on.
+//! How far a picture is from another, and the statistics that tests and error bars stand on.
 
+pub mod flip;
+pub mod heat;
+pub mod metrics;
+pub mod ssim;
 pub mod statistics;
+
+#[cfg(test)]
+mod published;

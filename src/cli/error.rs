@@ -1,0 +1,55 @@
+//! What ends the program early.
+
+use std::{error::Error, path::PathBuf};
+
+use wavecast::{film::FilmError, load::LoadError};
+
+/// Why a subcommand did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// Options that contradict each other or the scene.
+    #[error("{0}; see --help")]
+    Usage(String),
+    /// Scene or environment.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// Picture files.
+    #[error(transparent)]
+    Film(#[from] FilmError),
+    /// No camera of this name or index.
+    #[error("{}: no camera {wanted:?}; there is {available}", scene.display())]
+    NoCamera { scene: PathBuf, wanted: String, available: String },
+    /// Pictures that have no pixels in common.
+    #[error("{} is {} × {} pixels and {} is {} × {}; only pictures of one size can be compared",
+        a.display(), a_size[0], a_size[1], b.display(), b_size[0], b_size[1])]
+    Sizes { a: PathBuf, a_size: [usize; 2], b: PathBuf, b_size: [usize; 2] },
+    /// Light of a scene and light of a display.
+    #[error("{} holds light of a display and {} light of a scene; compare two PNGs, or two of EXR and HDR",
+        display.display(), scene.display())]
+    Referred { display: PathBuf, scene: PathBuf },
+    /// The answer of `compare --max-relmse`.
+    #[error("relmse {actual:.6e} exceeds {allowed:.6e} (--max-relmse)")]
+    Exceeded { actual: f64, allowed: f64 },
+}
+
+impl CliError {
+    /// 2 for bad usage, 1 for all else.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => 2,
+            _ => 1,
+        }
+    }
+
+    /// The error and what led to it, on one line.
+    pub fn with_sources(&self) -> String {
+        let mut text = self.to_string();
+        let mut source = self.source();
+        while let Some(error) = source {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            source = error.source();
+        }
+        text
+    }
+}

@@ -1,0 +1,91 @@
+//! How much memory the tables of a scene take.
+
+use std::mem::size_of_val;
+
+use wavecast::flat::{
+    DistantLights, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels, Instances, LocalLights,
+    Materials, TextureSlots,
+};
+
+/// Bytes by table, in the order of [`FlatScene`]; trees over the geometry are not counted.
+pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {
+    let images = scene.textures.images.iter().map(|image| match &image.texels {
+        ImageTexels::Rgba8(texels) => size_of_val(&texels[..]),
+        ImageTexels::Rgba16(texels) => size_of_val(&texels[..]),
+    });
+    let lights = &scene.lights;
+    let environment = match &lights.environment {
+        Some(EnvironmentLight::Map(map)) => {
+            size_of_val(&map.texels[..])
+                + size_of_val(&map.choice.pmf[..])
+                + size_of_val(&map.choice.threshold[..])
+                + size_of_val(&map.choice.alias[..])
+        }
+        _ => 0,
+    };
+    vec![
+        ("meshes", scene.meshes.iter().map(|mesh| mesh_bytes(mesh)).sum()),
+        (
+            "instances",
+            scene.instances.len() * Instances::ROW_BYTES
+                + size_of_val(&scene.material_rows[..])
+                + size_of_val(&scene.light_rows[..]),
+        ),
+        ("materials", scene.materials.len() * Materials::ROW_BYTES),
+        ("textures", images.sum::<usize>() + scene.textures.slots.len() * TextureSlots::ROW_BYTES),
+        (
+            "lights",
+            lights.triangles.len() * EmissiveTriangles::ROW_BYTES
+                + lights.local.len() * LocalLights::ROW_BYTES
+                + lights.distant.len() * DistantLights::ROW_BYTES,
+        ),
+        ("environment", environment),
+    ]
+}
+
+fn mesh_bytes(mesh: &FlatMesh) -> usize {
+    size_of_val(&mesh.positions[..])
+        + size_of_val(&mesh.triangles[..])
+        + size_of_val(&mesh.normals[..])
+        + size_of_val(&mesh.tangents[..])
+        + mesh.uvs.iter().map(|uvs| size_of_val(&uvs[..])).sum::<usize>()
+        + size_of_val(&mesh.colors[..])
+        + size_of_val(&mesh.slots[..])
+}
+
+/// Bytes as people read them.
+pub fn human(bytes: usize) -> String {
+    const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
+    let mut value = bytes as f64;
+    let mut unit = "B";
+    for larger in UNITS {
+        if value < 1024.0 {
+            break;
+        }
+        value /= 1024.0;
+        unit = larger;
+    }
+    if unit == "B" { format!("{bytes} B") } else { format!("{value:.1} {unit}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_written_as_people_read_them() {
+        assert_eq!(human(0), "0 B");
+        assert_eq!(human(1023), "1023 B");
+        assert_eq!(human(1536), "1.5 KiB");
+        assert_eq!(human(3 << 30), "3.0 GiB");
+    }
+
+    /// Two positions of 12 bytes, one triangle of 12; nothing else has any rows.
+    #[test]
+    fn tables_count_their_columns() {
+        let mesh = FlatMesh { positions: vec![[0.0; 3]; 2], triangles: vec![[0; 3]], ..FlatMesh::default() };
+        let scene = FlatScene { meshes: vec![mesh.into()], ..FlatScene::default() };
+        assert_eq!(tables(&scene)[0], ("meshes", 36));
+        assert_eq!(tables(&scene).iter().map(|(_, bytes)| bytes).sum::<usize>(), 36);
+    }
+}

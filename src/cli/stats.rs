@@ -1,0 +1,151 @@
+//! What a render did, for people and for programs.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+use wavecast::{
+    flat::SceneNeeds,
+    render::{RenderSettings, RenderStats},
+};
+
+/// Wall time by part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seconds {
+    pub load: f64,
+    pub sync: f64,
+    pub render: f64,
+    pub write: f64,
+    pub total: f64,
+}
+
+/// All that there is to say.
+pub struct Report<'a> {
+    pub scene: &'a Path,
+    pub outputs: &'a [PathBuf],
+    pub settings: &'a RenderSettings,
+    pub needs: SceneNeeds,
+    pub stats: &'a RenderStats,
+    pub seconds: Seconds,
+    pub warnings: &'a [String],
+}
+
+/// Millions of rays per second of render time.
+fn mrays_per_second(stats: &RenderStats) -> f64 {
+    let rays = stats.rays.camera + stats.rays.bounce + stats.rays.shadow;
+    if stats.seconds > 0.0 { rays as f64 / stats.seconds * 1e-6 } else { 0.0 }
+}
+
+/// `--stats` and `--json`; the keys are a contract.
+pub fn json(report: &Report) -> Value {
+    let Report { stats, seconds, settings, .. } = report;
+    let stages: Vec<_> = stats
+        .stages
+        .iter()
+        .map(|s| json!({ "name": s.name, "seconds": s.seconds, "rows": s.rows, "lane_fill": s.lane_fill }))
+        .collect();
+    json!({
+        "scene": report.scene.display().to_string(),
+        "outputs": report.outputs.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
+        "size": [settings.width, settings.height],
+        "seconds": {
+            "load": seconds.load,
+            "sync": seconds.sync,
+            "render": seconds.render,
+            "write": seconds.write,
+            "total": seconds.total,
+        },
+        "spp": stats.spp,
+        "paths": stats.paths,
+        "rays": { "camera": stats.rays.camera, "bounce": stats.rays.bounce, "shadow": stats.rays.shadow },
+        "mrays_per_second": mrays_per_second(stats),
+        "stages": stages,
+        "counters": counts(&stats.counters),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "error": { "relmse": stats.relmse, "upper95": null },
+        "needed": report.needs.names(false),
+        "skipped": report.needs.names(true),
+        "discarded_samples": counts(&stats.discarded),
+        "warnings": report.warnings,
+        "threads": stats.threads,
+        "seed": settings.seed,
+        "interrupted": stats.cancelled,
+        "version": env!("CARGO_PKG_VERSION"),
+    })
+}
+
+fn counts(pairs: &[(&'static str, u64)]) -> Map<String, Value> {
+    pairs.iter().map(|&(name, count)| (name.to_owned(), count.into())).collect()
+}
+
+/// A line or two on what was done.
+pub fn summary(report: &Report) -> String {
+    let Report { stats, seconds, .. } = report;
+    let outputs: Vec<_> = report.outputs.iter().map(|path| path.display().to_string()).collect();
+    let mut text = format!(
+        "{}: {:.4} samples per pixel in {:.2} s, {:.2} Mrays/s",
+        outputs.join(", "),
+        stats.spp,
+        seconds.render,
+        mrays_per_second(stats),
+    );
+    if let Some(relmse) = stats.relmse {
+        text.push_str(&format!(", relMSE about {relmse:.2e}"));
+    }
+    if stats.cancelled {
+        text.push_str(" (interrupted)");
+    }
+    text
+}
+
+/// Most memory that the process has held; `None` where the system does not say.
+fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The keys that `--stats` promises; scripts rely on them.
+    #[test]
+    fn stats_have_every_promised_key() {
+        let stats = RenderStats {
+            seconds: 2.0,
+            spp: 4.0,
+            paths: 400,
+            rays: wavecast::render::RayCounts { camera: 400, bounce: 500, shadow: 1_999_100 },
+            stages: vec![wavecast::render::StageStats { name: "shade", seconds: 0.5, rows: 9, lane_fill: 0.9 }],
+            discarded: vec![("not finite", 3)],
+            threads: 2,
+            ..RenderStats::default()
+        };
+        let report = Report {
+            scene: Path::new("a.glb"),
+            outputs: &["a.exr".into()],
+            settings: &RenderSettings::default(),
+            needs: SceneNeeds::ALPHA,
+            stats: &stats,
+            seconds: Seconds { total: 3.0, ..Seconds::default() },
+            warnings: &["odd".into()],
+        };
+        let got = json(&report);
+        for key in ["load", "sync", "render", "write", "total"] {
+            assert!(got["seconds"][key].is_f64(), "seconds.{key}");
+        }
+        assert_eq!(got["mrays_per_second"], 1.0, "two million rays in two seconds");
+        assert_eq!(got["rays"], json!({ "camera": 400, "bounce": 500, "shadow": 1_999_100 }));
+        assert_eq!(got["stages"][0], json!({ "name": "shade", "seconds": 0.5, "rows": 9, "lane_fill": 0.9 }));
+        assert_eq!(got["error"], json!({ "relmse": null, "upper95": null }));
+        assert_eq!(got["discarded_samples"], json!({ "not finite": 3 }));
+        assert_eq!(got["warnings"], json!(["odd"]));
+        assert!(!got["skipped"].as_array().unwrap().contains(&"alpha".into()));
+        assert!(got["skipped"].as_array().unwrap().contains(&"textures".into()));
+        for key in ["spp", "paths", "threads", "seed", "version"] {
+            assert!(!got[key].is_null(), "{key}");
+        }
+        assert!(got["peak_rss_bytes"].as_u64().is_none_or(|bytes| bytes > 100_000));
+    }
+}

@@ -2,4 +2,9 @@
 
 mod analytic;
 mod cli;
+mod determinism;
 mod gltf;
+mod layering;
+mod scenes;
+mod skipping;
+mod sync;

@@ -1,0 +1,45 @@
+//! The scenes shipped in `scenes/` are those that their generator writes.
+
+use std::{fs, path::Path};
+
+#[path = "../../scenes/generator/mod.rs"]
+mod generator;
+
+/// Bit for bit; where they differ, `cargo run --release --example generate_scenes` writes them again.
+///
+/// Sines and powers differ by their last bit between platforms, so only the one that wrote the files compares.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn committed_scenes_are_what_the_generator_writes() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let fresh = tempfile::tempdir().unwrap();
+    for file in generator::files() {
+        let written = fresh.path().join(file.name);
+        fs::write(&written, &file.bytes).unwrap();
+        let committed = fs::read(folder.join(file.name)).unwrap_or_default();
+        assert!(
+            committed == fs::read(written).unwrap(),
+            "scenes/{} ({} bytes) is not what its generator writes ({} bytes): \
+             run `cargo run --release --example generate_scenes`",
+            file.name,
+            committed.len(),
+            file.bytes.len(),
+        );
+        println!("{}: {}", file.name, file.counts);
+    }
+}
+
+/// Every scene file has a line in the folder's README, and a generator.
+#[test]
+fn every_scene_file_is_described_and_generated() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let readme = fs::read_to_string(folder.join("README.md")).unwrap();
+    let generated: Vec<&str> = generator::files().iter().map(|file| file.name).collect();
+    for entry in fs::read_dir(folder).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".gltf") || name.ends_with(".glb") {
+            assert!(readme.contains(&format!("`{name}`")), "{name} has no line in scenes/README.md");
+            assert!(generated.contains(&name.as_str()), "{name} has no generator");
+        }
+    }
+}

@@ -2,6 +2,7 @@
 
 mod analytic;
 mod cli;
+mod common;
 mod determinism;
 mod gltf;
 mod layering;

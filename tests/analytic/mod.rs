@@ -1,35 +1,9 @@
 //! Pictures whose every pixel is known from a formula.
 
 use glam::{DVec3, Vec3};
-use wavecast::{
-    render::{PixelFilter, RenderSettings, Rendered, Renderer},
-    world::{
-        Camera, Environment, Geometry, LocalTransform, Material, MaterialSlots, Scene, TriMesh,
-    },
-};
-use std::sync::Arc;
+use wavecast::world::{Environment, Material, Scene, TriMesh};
 
-fn show(scene: &mut Scene, mesh: TriMesh, material: Material) {
-    let material = scene.spawn((material,));
-    scene.spawn((Geometry(Arc::new(mesh)), MaterialSlots::from(material)));
-}
-
-fn settings(size: u32, spp: u32) -> RenderSettings {
-    RenderSettings { width: size, height: size, spp: Some(spp), filter: PixelFilter::Box, ..RenderSettings::default() }
-}
-
-fn picture(scene: &mut Scene, settings: &RenderSettings) -> Rendered {
-    let mut renderer = Renderer::new();
-    let report = renderer.sync(scene);
-    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
-    let rendered = renderer.render(settings, &());
-    assert!(rendered.stats.discarded.is_empty());
-    rendered
-}
-
-fn look(scene: &mut Scene, eye: DVec3, target: DVec3, degrees: f32) {
-    scene.spawn((Camera::perspective(degrees.to_radians()), LocalTransform::looking_at(eye, target, DVec3::Y)));
-}
+use crate::common::{look, picture, settings, show};
 
 /// A white diffuse object in a white sky reflects what it hides: L = 1 everywhere.
 #[test]

@@ -1,0 +1,82 @@
+//! The same scene, settings and seed give the same bits, however the work is cut.
+
+use wavecast::render::{RenderSettings, Renderer, SamplerKind};
+
+use crate::common::{settings, varied};
+
+/// 1, 2 and 7 threads; tiles of 5, 32 and 200 pixels; waves of 1, 8, 100 and 5000 paths: one picture.
+#[test]
+fn threads_tiles_and_waves_do_not_change_a_bit() {
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut varied());
+    let base = settings(48, 6);
+    let want = renderer.render(&base, &()).picture;
+    assert!(want.rgb.iter().any(|rgb| rgb[0] > 0.0));
+    let variants = [
+        RenderSettings { threads: 1, ..base.clone() },
+        RenderSettings { threads: 2, ..base.clone() },
+        RenderSettings { threads: 7, ..base.clone() },
+        RenderSettings { tile_size: 5, ..base.clone() },
+        RenderSettings { tile_size: 200, ..base.clone() },
+        RenderSettings { wave_size: 1, ..base.clone() },
+        RenderSettings { wave_size: 8, ..base.clone() },
+        RenderSettings { wave_size: 100, threads: 7, tile_size: 7, ..base.clone() },
+        RenderSettings { wave_size: 5000, ..base.clone() },
+    ];
+    for variant in variants {
+        let got = renderer.render(&variant, &()).picture;
+        assert!(got == want, "threads {}, tile {}, wave {}", variant.threads, variant.tile_size, variant.wave_size);
+    }
+}
+
+/// Two renderers that load and build on their own, with trees that may differ, still agree.
+#[test]
+fn a_fresh_renderer_makes_the_same_picture() {
+    let base = settings(32, 4);
+    let pictures: Vec<_> = (0..3)
+        .map(|_| {
+            let mut renderer = Renderer::new();
+            renderer.sync(&mut varied());
+            renderer.render(&base, &()).picture
+        })
+        .collect();
+    assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]));
+}
+
+/// Samples 0..8 are those of a run of 8; a crop is a part of the whole; another seed is another picture.
+#[test]
+fn a_pixel_does_not_know_what_else_is_rendered() {
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut varied());
+    let base = settings(40, 8);
+    let whole = renderer.render(&base, &()).picture;
+    let range = RenderSettings { spp: None, samples: Some(0..8), ..base.clone() };
+    assert!(renderer.render(&range, &()).picture == whole);
+    let [x, y, w, h] = [13, 7, 20, 11];
+    let crop = renderer.render(&RenderSettings { crop: Some([x, y, w, h]), ..base.clone() }, &()).picture;
+    assert_eq!((crop.width, crop.height), (20, 11));
+    for row in 0..h as usize {
+        let start = (y as usize + row) * 40 + x as usize;
+        assert_eq!(whole.rgb[start..start + w as usize], crop.rgb[row * w as usize..(row + 1) * w as usize]);
+    }
+    for other in [
+        RenderSettings { seed: 1, ..base.clone() },
+        RenderSettings { sampler: SamplerKind::Independent, ..base.clone() },
+    ] {
+        assert!(renderer.render(&other, &()).picture.rgb != whole.rgb);
+    }
+}
+
+/// Asking for layers or coverage changes no bit of the light.
+#[test]
+fn layers_leave_the_beauty_picture_alone() {
+    use wavecast::render::LayerKind::{Albedo, Depth, EntityId, MaterialId, Normal, Position, SampleCount, Uv};
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut varied());
+    let base = settings(24, 4);
+    let plain = renderer.render(&base, &()).picture;
+    let layers = vec![Albedo, Normal, Depth, Position, Uv, EntityId, MaterialId, SampleCount];
+    let with = renderer.render(&RenderSettings { layers, ..base }, &()).picture;
+    assert_eq!(plain.rgb, with.rgb);
+    assert_eq!(with.layers.len(), 8);
+}

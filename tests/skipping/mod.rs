@@ -1,0 +1,194 @@
+//! What a scene does not need is not run: by counters, with a positive control for each need.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use wavecast::{
+    flat::SceneNeeds,
+    render::{RenderStats, Renderer},
+    world::{
+        AlphaMode, DirectionalLight, Environment, EnvironmentMap, Geometry, Image, LocalTransform, Material, PointLight,
+        Scene, Sky, Texels, Texture, TriMesh, units::{Candela, Lux},
+    },
+};
+
+use crate::common::{look, settings, show};
+
+fn plain() -> Scene {
+    let mut scene = Scene::new();
+    let floor = TriMesh::quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    show(&mut scene, floor, Material::lambert(Vec3::splat(0.6)));
+    look(&mut scene, DVec3::new(0.0, 2.0, 4.0), DVec3::ZERO, 40.0);
+    scene
+}
+
+fn run(scene: &mut Scene) -> (SceneNeeds, RenderStats) {
+    let mut renderer = Renderer::new();
+    renderer.sync(scene);
+    (renderer.scene().needs, renderer.render(&settings(24, 4), &()).stats)
+}
+
+fn count(stats: &RenderStats, name: &str) -> u64 {
+    stats.counters.iter().find(|(n, _)| *n == name).map_or(0, |(_, count)| *count)
+}
+
+fn rows(stats: &RenderStats, name: &str) -> u64 {
+    stats.stages.iter().find(|stage| stage.name == name).map_or(0, |stage| stage.rows)
+}
+
+fn texture() -> Texture {
+    let texels = Texels::Rgba8(vec![[200, 200, 250, 255], [128, 128, 255, 60], [90, 100, 250, 255], [255; 4]]);
+    Texture::new(Arc::new(Image { name: "test".to_owned(), width: 2, height: 2, texels }))
+}
+
+/// A need, a scene that has it, and the sign that its code ran.
+#[track_caller]
+fn check_need(need: SceneNeeds, build: impl FnOnce(&mut Scene), sign: impl Fn(&RenderStats) -> u64) {
+    let (needs, stats) = run(&mut plain());
+    assert!(!needs.has(need), "the plain scene needs {:?}", needs.names(false));
+    assert_eq!(sign(&stats), 0, "the plain scene ran it");
+    let mut scene = plain();
+    build(&mut scene);
+    let (needs, stats) = run(&mut scene);
+    assert!(needs.has(need), "{:?}", needs.names(false));
+    assert!(sign(&stats) > 0, "needed, but not run: {stats:?}");
+}
+
+fn quad_with(scene: &mut Scene, material: Material) {
+    let mesh = TriMesh::quad(Vec3::new(-0.5, 0.2, 0.5), Vec3::X, Vec3::Y);
+    show(scene, mesh, material);
+}
+
+fn lambert() -> Material {
+    Material::lambert(Vec3::splat(0.5))
+}
+
+#[test]
+fn textures_are_looked_up_where_a_material_has_one() {
+    let build = |s: &mut Scene| quad_with(s, Material { base_color_texture: Some(texture()), ..lambert() });
+    check_need(SceneNeeds::TEXTURES, build, |stats| count(stats, "texture_lookups"));
+}
+
+#[test]
+fn normal_maps_are_looked_up_where_a_mesh_has_tangents() {
+    let build = |s: &mut Scene| {
+        let mut mesh = TriMesh::quad(Vec3::new(-0.5, 0.2, 0.5), Vec3::X, Vec3::Y);
+        mesh.normals = vec![Vec3::Z; 4];
+        mesh.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
+        show(s, mesh, Material { normal_texture: Some(texture()), ..lambert() });
+    };
+    check_need(SceneNeeds::NORMAL_MAPS, build, |stats| count(stats, "texture_lookups"));
+    check_need(SceneNeeds::SMOOTH_NORMALS, build, |stats| count(stats, "texture_lookups"));
+}
+
+#[test]
+fn alpha_is_tested_where_something_covers_in_part() {
+    for alpha_mode in [AlphaMode::Blend, AlphaMode::Mask { cutoff: 0.5 }] {
+        let build = |s: &mut Scene| quad_with(s, Material { alpha_mode, base_alpha: 0.4, ..lambert() });
+        check_need(SceneNeeds::ALPHA, build, |stats| count(stats, "alpha_tests"));
+    }
+}
+
+/// A single-sided quad seen from behind is not there: the picture is that of the plain scene.
+#[test]
+fn backs_are_culled_where_a_material_has_none() {
+    let culled = |s: &mut Scene| {
+        let mesh = TriMesh::quad(Vec3::new(0.5, 0.2, 0.5), Vec3::NEG_X, Vec3::Y);
+        show(s, mesh, Material { double_sided: false, ..lambert() });
+    };
+    let (needs, with) = { let mut scene = plain(); culled(&mut scene); run(&mut scene) };
+    assert!(needs.has(SceneNeeds::CULLING));
+    let (plain_needs, without) = run(&mut plain());
+    assert!(!plain_needs.has(SceneNeeds::CULLING));
+    assert_eq!(with.rays.camera, without.rays.camera);
+    let picture = |mut scene: Scene| {
+        let mut renderer = Renderer::new();
+        renderer.sync(&mut scene);
+        renderer.render(&settings(24, 4), &()).picture
+    };
+    let mut scene = plain();
+    culled(&mut scene);
+    assert!(picture(scene) == picture(plain()));
+}
+
+#[test]
+fn solids_absorb_where_a_material_says_so() {
+    let build = |s: &mut Scene| {
+        let mut glass = Material::glass(1.5);
+        glass.attenuation_distance = 0.2;
+        glass.attenuation_color = Vec3::splat(0.5);
+        show(s, TriMesh::sphere(Vec3::new(0.0, 0.5, 0.0), 0.4, 8), glass);
+    };
+    check_need(SceneNeeds::VOLUMES, build, |stats| count(stats, "absorbed_paths"));
+    check_need(SceneNeeds::TRANSMISSION, build, |stats| count(stats, "absorbed_paths"));
+}
+
+#[test]
+fn shadow_rays_are_traced_where_there_is_a_light() {
+    let lamp = |s: &mut Scene| quad_with(s, Material { emissive: Vec3::ONE, ..lambert() });
+    check_need(SceneNeeds::AREA_LIGHTS, lamp, |stats| rows(stats, "emit").min(stats.rays.shadow));
+    let point = |s: &mut Scene| {
+        let light = PointLight { color: Vec3::ONE, intensity: Candela(5.0) };
+        s.spawn((light, LocalTransform::from_translation(DVec3::Y)));
+    };
+    check_need(SceneNeeds::LOCAL_LIGHTS, point, |stats| stats.rays.shadow);
+    let sun = |s: &mut Scene| {
+        let light = DirectionalLight { color: Vec3::ONE, illuminance: Lux(5.0) };
+        s.spawn((light, LocalTransform::looking_at(DVec3::Y, DVec3::ZERO, DVec3::X)));
+    };
+    check_need(SceneNeeds::DISTANT_LIGHTS, sun, |stats| stats.rays.shadow);
+}
+
+#[test]
+fn the_environment_is_read_where_there_is_one() {
+    let sky = |s: &mut Scene| {
+        let map = EnvironmentMap { name: "test".to_owned(), width: 2, height: 1, texels: vec![[1.0; 3], [2.0; 3]] };
+        s.spawn((Environment { sky: Sky::Map(Arc::new(map)), rotation_degrees: 0.0, scale: 1.0 },));
+    };
+    check_need(SceneNeeds::ENVIRONMENT_MAP, sky, |stats| count(stats, "environment_lookups"));
+    // The plain scene has no light and so gets a constant sky; a scene with a lamp has none.
+    let mut lit = plain();
+    let light = PointLight { color: Vec3::ONE, intensity: Candela(5.0) };
+    lit.spawn((light, LocalTransform::from_translation(DVec3::Y)));
+    let (needs, stats) = run(&mut lit);
+    assert!(!needs.has(SceneNeeds::CONSTANT_SKY) && rows(&stats, "sky") == 0);
+    let (needs, stats) = run(&mut plain());
+    assert!(needs.has(SceneNeeds::CONSTANT_SKY) && rows(&stats, "sky") > 0);
+    assert_eq!(stats.rays.shadow, 0, "a constant sky is found by scattering alone");
+}
+
+#[test]
+fn unlit_surfaces_and_vertex_colors_are_shown_where_there_are_some() {
+    let build = |s: &mut Scene| quad_with(s, Material { unlit: true, ..lambert() });
+    check_need(SceneNeeds::UNLIT, build, |stats| rows(stats, "unlit"));
+    let mut scene = plain();
+    let mut mesh = TriMesh::quad(Vec3::new(-0.5, 0.2, 0.5), Vec3::X, Vec3::Y);
+    mesh.uvs = vec![vec![Vec2::ZERO; 4]];
+    mesh.colors = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
+    show(&mut scene, mesh, lambert());
+    let (needs, stats) = run(&mut scene);
+    assert!(needs.has(SceneNeeds::VERTEX_COLORS));
+    assert_eq!(count(&stats, "texture_lookups"), 0, "vertex colours are no textures");
+}
+
+#[test]
+fn instancing_is_needed_for_more_than_one_thing_or_a_moved_one() {
+    let (needs, _) = run(&mut plain());
+    assert!(!needs.has(SceneNeeds::INSTANCING));
+    let mut scene = plain();
+    let floor = scene.keys_with::<Geometry>()[0];
+    scene.insert(floor, LocalTransform::from_translation(DVec3::X));
+    assert!(run(&mut scene).0.has(SceneNeeds::INSTANCING));
+}
+
+/// Materials, images and meshes that nothing visible uses are in no table.
+#[test]
+fn what_nothing_shows_is_not_built() {
+    let mut scene = plain();
+    scene.spawn((Material { base_color_texture: Some(texture()), emissive: Vec3::ONE, unlit: true, ..lambert() },));
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut scene);
+    let flat = renderer.scene();
+    assert_eq!((flat.materials.len(), flat.textures.images.len(), flat.meshes.len()), (1, 0, 1));
+    assert_eq!(flat.needs, run(&mut plain()).0);
+}

@@ -2,7 +2,10 @@
 
 use std::sync::LazyLock;
 
-use crate::{render::PixelFilter, simd::Real};
+use crate::{
+    render::PixelFilter,
+    simd::{LANES, Real},
+};
 
 /// Cells of a table.
 const CELLS: usize = 512;
@@ -71,8 +74,10 @@ impl FilterTable {
         let side = u.mul_add(F::splat(2.0), F::splat(-1.0));
         let place = (F::one() - side.abs()).safe_sqrt() * F::splat(CELLS as f32);
         let entries: &[f32; CELLS + 1] = self.distance.first_chunk().expect("a table is made whole");
+        let mut places = [0.0; LANES];
+        place.store(&mut places);
         let distance = F::from_fn(|i| {
-            let place = place.lane(i);
+            let place = places[i];
             let cell = (place as usize).min(CELLS - 1);
             entries[cell] + (entries[cell + 1] - entries[cell]) * (place - cell as f32)
         });

@@ -330,7 +330,8 @@ mod tests {
     /// error is that of the spread between pixels. Significance 1e-4 for each of the six.
     #[test]
     fn means_of_functions_are_right() {
-        let functions: [(fn(f64, f64) -> f64, f64); 3] =
+        type Case = (fn(f64, f64) -> f64, f64);
+        let functions: [Case; 3] =
             [(|x, _| x, 0.5), (|x, y| x * x * y, 1.0 / 6.0), (|x, y| (std::f64::consts::TAU * x).cos() * y.exp(), 0.0)];
         for kind in KINDS {
             let sampler = Sampler::new(kind, 13);

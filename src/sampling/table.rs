@@ -1,5 +1,7 @@
 //! Discrete choices in constant time.
 
+use std::hint::select_unpredictable;
+
 /// A discrete distribution sampled by Walker's alias method.
 ///
 /// Columns are equally likely, and each belongs to one or two rows.
@@ -114,10 +116,12 @@ impl AliasTable {
         // A product with u < 1 may round up to the number of rows.
         let column = (x as usize).min(self.len() - 1);
         let u = x - column as f64;
-        let threshold = f64::from(self.threshold[column]);
+        let (threshold, alias) = (f64::from(self.threshold[column]), self.alias[column]);
+        // Which of the two is a matter of chance, so a branch would be mispredicted.
         let own = u < threshold;
-        let (start, share) = if own { (0.0, threshold) } else { (threshold, 1.0 - threshold) };
-        let row = if own { column as u32 } else { self.alias[column] };
+        let row = select_unpredictable(own, column as u32, alias);
+        let start = select_unpredictable(own, 0.0, threshold);
+        let share = select_unpredictable(own, threshold, 1.0 - threshold);
         (row, (((u - start) / share) as f32).min(1.0 - f32::EPSILON / 2.0))
     }
 }
@@ -265,7 +269,7 @@ mod tests {
         let mut last = 0;
         for i in 0..100_000 {
             let row = table.sample(i as f32 / 100_000.0).0;
-            if row % 10 != 0 {
+            if !row.is_multiple_of(10) {
                 assert!(row >= last, "{row} after {last}");
                 last = row;
             }

@@ -192,8 +192,8 @@ mod tests {
             let n = (i as u32).wrapping_mul(0x9e37_79b9);
             assert_eq!(Real::lane(<f32x8 as Real>::unit(bits), i), <f32 as Real>::unit(Wrapping(n)));
             assert_eq!(
-                Bits::lane(bits * Bits::splat(747_796_405) ^ bits >> 7, i),
-                n.wrapping_mul(747_796_405) ^ n >> 7
+                Bits::lane((bits * Bits::splat(747_796_405)) ^ (bits >> 7), i),
+                n.wrapping_mul(747_796_405) ^ (n >> 7)
             );
             assert_eq!(Bits::lane(bits.reverse_bits(), i), n.reverse_bits());
             assert_eq!(Bits::reverse_bits(Wrapping(n)).0, n.reverse_bits());

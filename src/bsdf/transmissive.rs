@@ -31,12 +31,12 @@ pub struct Prepared<F: Real> {
     through: Rgb<F>,
     infinite: F::Mask,
     solid: F::Mask,
-    /// Reflection is a delta.
+    /// The facets are a mirror: reflection is a delta.
     mirror: F::Mask,
-    /// Transmission is a delta.
+    /// Transmission is a delta: of a mirror, or spread over so small an angle that single precision
+    /// cannot tell from the directions which facet did it. Such light is drawn like that of other
+    /// facets, only nobody is told its density, and it is not shadowed on its way out.
     clear: F::Mask,
-    /// What the surface as a whole does: the deltas' values.
-    flat: Share<F>,
 }
 
 /// What facets met at one cosine do with light.
@@ -92,13 +92,11 @@ impl Bsdf for Transmissive {
             solid,
             mirror,
             clear: mirror | solid & narrow,
-            flat: Share { reflected: V3::splat(0.0), transmitted: V3::splat(0.0), p_transmit: zero, sum: one },
         };
-        prepared.flat = prepared.share(wo.z);
 
         let (diffuse, has_diffuse) = mix.diffuse_estimate();
         let has_specular = specular.max(metallic).max(glass).gt(zero);
-        let Share { transmitted, reflected, .. } = prepared.flat;
+        let Share { transmitted, reflected, .. } = prepared.share(wo.z);
         let estimate = mix.specular_estimate(wo.z, alpha) + transmitted.max_element() + glass * reflected.max_element();
         prepared.p_diffuse = diffuse_probability(diffuse, estimate, has_diffuse, has_specular);
         prepared.p_specular = one - prepared.p_diffuse;
@@ -138,7 +136,6 @@ impl Bsdf for Transmissive {
         }
 
         let Share { reflected, transmitted, p_transmit, .. } = prepared.share(cos);
-        let p_transmit = F::select(prepared.clear, prepared.flat.p_transmit, p_transmit);
         let p = F::select(down, p_transmit, one - p_transmit);
         let delta = (down & prepared.clear) | (up & prepared.mirror);
         let d = facets.d(sin2, length2).masked(sides & !delta);
@@ -151,7 +148,7 @@ impl Bsdf for Transmissive {
 
     #[inline(always)]
     fn sample<F: Real>(prepared: &Prepared<F>, u_lobe: F, u: (F, F)) -> Sampled<F> {
-        let Prepared { wo, facets, p_diffuse, p_specular, interface, solid, mirror, clear, flat, .. } = prepared;
+        let Prepared { wo, facets, p_diffuse, p_specular, interface, solid, mirror, clear, .. } = prepared;
         let (zero, one) = (F::zero(), F::one());
         let n = V3::new(zero, zero, one);
         let diffuse = u_lobe.lt(*p_diffuse);
@@ -161,27 +158,26 @@ impl Bsdf for Transmissive {
         let h = V3::select(*mirror, n, facets.sample(*wo, turn, u.1));
         let cos = wo.dot(h);
         let share = prepared.share(cos);
-        let p_transmit = F::select(*clear, flat.p_transmit, share.p_transmit);
         // What choosing the lobe left of its number chooses again.
         let u_again = (u_lobe - *p_diffuse) / (*p_specular).max(F::splat(1e-30));
         // Rounding must not reach 1, where what has no probability would be chosen.
         let u_again = u_again.min(F::splat(1.0 - f32::EPSILON));
-        let transmit = u_again.lt(p_transmit) & !diffuse;
+        let transmit = u_again.lt(share.p_transmit) & !diffuse;
 
         let reflected = h.scale_add(cos + cos, -*wo);
         let straight = V3::new(reflected.x, reflected.y, -reflected.z);
         let mut wi = V3::select(transmit, straight, reflected);
-        let refract = transmit & *solid;
+        // Where rounding has turned the facet away, which it can do at the rim of what is visible, nothing is drawn.
+        let seen = diffuse | cos.gt(zero);
+        let refract = transmit & *solid & seen;
         if refract.any() {
-            let h = V3::select(*clear, n, h);
-            let sum = F::select(*clear, flat.sum, share.sum);
-            let refracted = (h * (-interface.excess / sum) - *wo) * (one / interface.eta);
+            let refracted = (h * (-interface.excess / share.sum) - *wo) * (one / interface.eta);
             wi = V3::select(refract, refracted, wi);
         }
         wi = V3::select(diffuse, scattered, wi);
 
         let (f, pdf) = Self::eval(prepared, wi);
-        let right_side = F::select(transmit, -wi.z, wi.z).gt(zero);
+        let right_side = F::select(transmit, -wi.z, wi.z).gt(zero) & seen;
         let (weight, valid) = ratio(f, pdf);
         let (mut weight, mut valid) = (weight.masked(right_side), valid & right_side);
         let eta_scale = F::select(refract, interface.eta.sqr(), one);
@@ -189,8 +185,8 @@ impl Bsdf for Transmissive {
         let delta = (transmit & *clear) | (!transmit & *mirror & !diffuse);
         let mut pdf = pdf;
         if delta.any() {
-            let p = *p_specular * F::select(transmit, flat.p_transmit, one - flat.p_transmit);
-            let value = V3::select(transmit, flat.transmitted, flat.reflected);
+            let p = *p_specular * F::select(transmit, share.p_transmit, one - share.p_transmit);
+            let value = V3::select(transmit, share.transmitted, share.reflected);
             let value = value * (one / (p * eta_scale).max(F::splat(1e-30)));
             weight = V3::select(delta, value.masked(right_side), weight);
             pdf = pdf.masked(!delta);
@@ -201,7 +197,6 @@ impl Bsdf for Transmissive {
 
     #[inline(always)]
     fn scatters<F: Real>(prepared: &Prepared<F>) -> F::Mask {
-        let passes = prepared.flat.p_transmit.gt(F::zero());
-        !prepared.mirror | (!prepared.clear & passes) | prepared.p_diffuse.gt(F::zero())
+        !prepared.mirror | prepared.p_diffuse.gt(F::zero())
     }
 }

@@ -123,9 +123,10 @@ fn check_draws<B: Bsdf>(s: &Surface, angle: f64, seed: u64) {
         if d.valid && !d.delta {
             let side = usize::from(d.wi[2] < 0.0);
             counts[side][sides[side].find(d.wi)] += 1.0;
-            // The density said with the draw is the one that would be said of it.
+            // The density said with the draw is the one that would be said of it, but for rounding of directions.
             let pdf = f64::from(B::eval(&prepared, vec(d.wi)).1);
-            assert!((d.pdf / pdf - 1.0).abs() < 1e-4, "{s:?} {d:?} {pdf}");
+            let slack = 2e-3 + 1e-6 / (width * d.wi[2].abs());
+            assert!((d.pdf / pdf - 1.0).abs() < slack, "{s:?} {d:?} {pdf}");
         } else {
             lost += 1.0;
         }

@@ -1,5 +1,8 @@
 //! The three versions against plain formulas, quadrature and statistics.
 
+// Vectors are walked by component.
+#![allow(clippy::needless_range_loop)]
+
 mod chi_square;
 mod delta;
 mod energy;

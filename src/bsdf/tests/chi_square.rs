@@ -115,7 +115,7 @@ fn check_draws<B: Bsdf>(s: &Surface, angle: f64, seed: u64) {
 
     let prepared = B::prepare::<f32>(&s.params(), vec(wo));
     let mut counts = sides.each_ref().map(|side| vec![0.0; side.len()]);
-    let (mut lost, mut sum, mut sum2) = (0.0, 0.0, 0.0);
+    let (mut lost, mut sum, mut sum2, mut differ) = (0.0, 0.0, 0.0, 0.0);
     for d in &drawn {
         let weight = if d.delta { 0.0 } else { d.weight[1] };
         sum += weight / n;
@@ -123,14 +123,16 @@ fn check_draws<B: Bsdf>(s: &Surface, angle: f64, seed: u64) {
         if d.valid && !d.delta {
             let side = usize::from(d.wi[2] < 0.0);
             counts[side][sides[side].find(d.wi)] += 1.0;
-            // The density said with the draw is the one that would be said of it, but for rounding of directions.
             let pdf = f64::from(B::eval(&prepared, vec(d.wi)).1);
-            let slack = 2e-3 + 1e-6 / (width * d.wi[2].abs());
-            assert!((d.pdf / pdf - 1.0).abs() < slack, "{s:?} {d:?} {pdf}");
+            differ += (d.pdf / pdf - 1.0).abs() / n;
         } else {
             lost += 1.0;
         }
     }
+    // The density said with a draw is the one that would be said of it. Near the critical angle, and in narrow lobes, the
+    // rounding of the direction shows.
+    let slack = 1e-4 + 1e-6 / (width * wo[2]);
+    assert!(differ < slack, "{s:?} at {angle}°: densities differ by {differ} of themselves, on average");
     let mut cells = Vec::new();
     let (mut mass, mut albedo) = (0.0, 0.0);
     for (k, side) in sides.iter().enumerate() {

@@ -68,7 +68,7 @@ impl<F: Real> Mix<F> {
     /// Rough ones are met at steeper angles than the surface is, so Schlick's rise counts less.
     #[inline(always)]
     pub fn specular_estimate(&self, zo: F, alpha: F) -> F {
-        let w = schlick_weight(zo) * F::splat(-0.8).mul_add(alpha, F::one());
+        let w = schlick_weight(zo) * F::splat(-0.9).mul_add(alpha, F::one());
         self.reflectance(w).max_element()
     }
 }

@@ -47,3 +47,46 @@ fn each_lane_is_the_scalar_kernel() {
     check_twin::<Opaque>(11);
     check_twin::<Transmissive>(12);
 }
+
+/// All that a block of lanes gives, as bits, one row a lane.
+fn bits<B: Bsdf>(surfaces: &[Surface; 8], numbers: &[[f64; 9]; 8]) -> [Vec<u32>; 8] {
+    let column = |k: usize| -> f32x8 { Real::from_fn(|i| numbers[i][k] as f32) };
+    let vector = |k: usize| V3::new(column(k), column(k + 1), column(k + 2));
+    let prepared = B::prepare(&gather(surfaces), vector(0));
+    let (f, pdf) = B::eval(&prepared, vector(3));
+    let s = B::sample(&prepared, column(6), (column(7), column(8)));
+    std::array::from_fn(|i| {
+        let numbers = [f.lane(i), s.wi.lane(i), s.weight.lane(i)].concat();
+        let more = [pdf, s.pdf, s.eta_scale].map(|v| Real::lane(v, i));
+        let flags = [s.delta, s.transmitted, s.valid, B::scatters(&prepared)].map(|m| m.bits() >> i & 1);
+        numbers.into_iter().chain(more).map(f32::to_bits).chain(flags).collect()
+    })
+}
+
+fn check_alone<B: Bsdf>(seed: u64) {
+    let mut rng = Rng(seed);
+    for _ in 0..20_000 {
+        let mut surfaces = [(); 8].map(|()| rng.surface());
+        let mut numbers = [(); 8].map(|()| {
+            let ([a, b, c], [d, e, f]) = (rng.direction_up(), rng.direction());
+            [a, b, c, d, e, f, rng.unit(), rng.unit(), rng.unit()]
+        });
+        let together = bits::<B>(&surfaces, &numbers);
+        let (kept, moved) = ((rng.next() % 8) as usize, (rng.next() % 8) as usize);
+        let (surface, number) = (surfaces[kept], numbers[kept]);
+        // In other company, which takes other branches, in another place.
+        let company = rng.surface();
+        surfaces.fill(company);
+        surfaces[moved] = surface;
+        numbers[moved] = number;
+        assert_eq!(bits::<B>(&surfaces, &numbers)[moved], together[kept], "{surface:?}");
+    }
+}
+
+/// A lane's bits do not depend on its place or its neighbours, so a picture does not depend on how paths are queued.
+#[test]
+fn company_does_not_change_a_lane() {
+    check_alone::<Lambert>(13);
+    check_alone::<Opaque>(14);
+    check_alone::<Transmissive>(15);
+}

@@ -11,7 +11,10 @@
 //!
 //! Sampling is a mixture of two lobes: cosine-weighted diffuse, and microfacets visible from `wo`,
 //! which then reflect or transmit. All lobes are evaluated together, with the density of the
-//! mixture, so a weight is bounded by what all lobes together reflect, whichever lobe drew it.
+//! mixture, so no draw weighs much, whichever lobe made it.
+//!
+//! A lane's bits depend on nothing in the other lanes: branches on [`Mask::any`] skip work, they do
+//! not choose between ways of doing it.
 
 mod fresnel;
 mod ggx;
@@ -56,7 +59,7 @@ pub struct Params<F: Real> {
 }
 
 impl<F: Real> Params<F> {
-    /// White and Lambertian in all lanes: what padding should be.
+    /// Lambertian, whatever the version it is given to.
     #[inline(always)]
     pub fn lambert(base_color: Rgb<F>) -> Self {
         Self {

@@ -9,18 +9,18 @@ pub struct Layer {
     pub data: LayerData,
 }
 
-/// Values of a layer.
+/// Values of a layer; in an EXR all but ids are `<layer>.R/G/B`, so that every reader shows them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerData {
-    /// Channel `<layer>.Y`, or just `<layer>` in EXR.
+    /// One number, in all three channels.
     Scalar(Vec<f32>),
-    /// Channels `<layer>.U/V`.
+    /// u in R, v in G, 0 in B.
     Uv(Vec<[f32; 2]>),
-    /// Channels `<layer>.R/G/B`.
+    /// A colour.
     Rgb(Vec<[f32; 3]>),
-    /// Channels `<layer>.X/Y/Z`.
+    /// A point or direction: x in R, y in G, z in B.
     Xyz(Vec<[f32; 3]>),
-    /// An unsigned integer channel: ids and counts.
+    /// Ids and counts: the unsigned integer channel `<layer>.Y`.
     Id(Vec<u32>),
 }
 
@@ -33,7 +33,7 @@ pub struct Picture {
     pub height: usize,
     /// Beauty, nit, rows from the top.
     pub rgb: Vec<[f32; 3]>,
-    /// Coverage, where asked for.
+    /// Coverage, where asked for; light in `rgb` is multiplied by it already.
     pub alpha: Option<Vec<f32>>,
     /// In the order they were asked for.
     pub layers: Vec<Layer>,

@@ -1,6 +1,7 @@
 //! The program as scripts see it: exit codes, streams, files.
 
 mod compare;
+mod render;
 mod usage;
 
 use std::{

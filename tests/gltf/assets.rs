@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glam::{DMat4, Mat4};
+use glam::{DMat4, Mat4, Quat};
 use serde_json::Value;
 use wavecast::{
     load::{LoadError, LoadOptions, Loaded, load, load_environment},
@@ -154,7 +154,14 @@ fn check_nodes(path: &Path, loaded: &Loaded, nodes: &[gltf::Node<'_>], cameras: 
     assert_eq!(keys.len(), nodes.len(), "{}", path.display());
     for (&key, node) in keys.iter().zip(nodes) {
         let got = DMat4::from(loaded.scene.get::<LocalTransform>(key).unwrap().to_affine()).as_mat4();
-        let want = Mat4::from_cols_array_2d(&node.transform().matrix());
+        let want = match node.transform() {
+            gltf::scene::Transform::Matrix { matrix } => Mat4::from_cols_array_2d(&matrix),
+            // The crate takes quaternions as they are; some in the pack are not quite of unit length.
+            gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
+                let rotation = Quat::from_array(rotation).normalize();
+                Mat4::from_scale_rotation_translation(scale.into(), rotation, translation.into())
+            }
+        };
         let scale = want.to_cols_array().iter().fold(1.0f32, |m, x| m.max(x.abs()));
         assert!(got.abs_diff_eq(want, 1e-5 * scale), "{}: {} {got} {want}", path.display(), node.index());
         let camera = loaded.scene.get::<Camera>(key);

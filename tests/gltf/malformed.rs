@@ -303,7 +303,7 @@ fn faults_are_named_with_their_place() {
     );
     check_fault("/cameras/1/orthographic/xmag", json!(0), ": /cameras/1/orthographic/xmag: expected a number other");
     check_fault("/meshes/0/primitives", json!(null), ": /meshes/0/primitives: expected an array, found null");
-    check_fault("/meshes/0/primitives/0", json!({}), ": /meshes/0/primitives/0: there is no attributes");
+    check_fault("/meshes/1/primitives/0", json!({}), ": /meshes/1/primitives/0: there is no attributes");
     check_fault("/meshes/0/primitives/0/mode", json!(7), ": /meshes/0/primitives/0/mode: expected a mode from 0 to 6");
     check_fault("/meshes/0/primitives/0/material", json!(1), ": /meshes/0/primitives/0/material: refers to material 1");
     check_fault("/meshes/0/primitives/0/indices", json!(44), ": /meshes/0/primitives/0/indices: refers to accessor 44");

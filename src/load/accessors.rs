@@ -298,3 +298,47 @@ fn read_sparse<'b>(
     }
     Ok(Sparse { rows, values: run("values", component, shape)? })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use base64::{Engine, prelude::BASE64_STANDARD};
+    use serde_json::json;
+
+    use super::*;
+    use crate::load::{
+        document::{ACCESSORS, Document},
+        error::Place,
+    };
+
+    #[track_caller]
+    fn check_matrices<const N: usize>(component: u32, shape: &str, bytes: &[u8], expected: &[[f32; N]]) {
+        let uri = format!("data:;base64,{}", BASE64_STANDARD.encode(bytes));
+        let json = json!({
+            "asset": {"version": "2.0"},
+            "buffers": [{"byteLength": bytes.len(), "uri": uri}],
+            "bufferViews": [{"buffer": 0, "byteLength": bytes.len()}],
+            "accessors": [{"bufferView": 0, "componentType": component, "type": shape, "count": expected.len()}],
+        });
+        let document = Document::new(&json, Place::file(Path::new("test"))).unwrap();
+        let buffers = Buffers::new(&document, Path::new(""), None);
+        let accessor = Accessor::new(document.element(ACCESSORS, 0), &buffers).unwrap();
+        assert_eq!(accessor.floats::<N>(Rows::All).unwrap(), expected);
+    }
+
+    /// glTF 2.0 section 3.6.2.4: each column starts on a multiple of four bytes.
+    #[test]
+    fn columns_of_small_matrices_are_padded() {
+        let bytes = [1, 2, 99, 99, 3, 4, 99, 99, 5, 6, 99, 99, 7, 8, 99, 99];
+        check_matrices(5121, "MAT2", &bytes, &[[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]);
+        let bytes = [1, 2, 3, 99, 4, 5, 6, 99, 7, 8, 255, 99];
+        check_matrices(5120, "MAT3", &bytes, &[[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, -1.0]]);
+        let shorts = [1i16, 2, 3, 99, 4, 5, 6, 99, 7, 8, -9, 99].map(i16::to_le_bytes).concat();
+        check_matrices(5122, "MAT3", &shorts, &[[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, -9.0]]);
+        let floats: [f32; 16] = std::array::from_fn(|i| i as f32);
+        check_matrices(5126, "MAT4", &floats.map(f32::to_le_bytes).concat(), &[floats]);
+        let floats: [f32; 4] = std::array::from_fn(|i| i as f32);
+        check_matrices(5126, "MAT2", &floats.map(f32::to_le_bytes).concat(), &[floats]);
+    }
+}

@@ -38,7 +38,7 @@ pub fn load_environment(path: &Path) -> Result<(EnvironmentMap, Vec<Warning>), L
         warnings.push(&at, format!("{negative} texels are negative, taken as zero"));
     }
     let name = path.file_name().unwrap_or(OsStr::new("environment")).to_string_lossy().into_owned();
-    Ok((EnvironmentMap { name, width, height, texels }, warnings.0))
+    Ok((EnvironmentMap { name, width, height, texels }, warnings.list))
 }
 
 type Pixels = (u32, u32, Vec<[f32; 3]>);

@@ -1,6 +1,11 @@
 //! What can go wrong with a scene file, and where.
 
-use std::{fmt, io, path::Path, path::PathBuf, sync::Arc};
+use std::{
+    collections::HashSet,
+    fmt, io,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 /// A spot in a file: a JSON pointer such as `/meshes/3/primitives/0`, `line 7 column 2`, or `byte 12`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -201,15 +206,18 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Collects warnings in the order they arise.
+/// Collects warnings in the order they arise, each once.
 #[derive(Debug, Default)]
-pub(super) struct Warnings(pub(super) Vec<Warning>);
+pub(super) struct Warnings {
+    pub(super) list: Vec<Warning>,
+    said: HashSet<(String, String)>,
+}
 
 impl Warnings {
     pub(super) fn push(&mut self, at: &Place, text: impl Into<String>) {
-        let warning = Warning { at: at.clone(), text: text.into() };
-        if !self.0.contains(&warning) {
-            self.0.push(warning);
+        let text = text.into();
+        if self.said.insert((at.part.clone(), text.clone())) {
+            self.list.push(Warning { at: at.clone(), text });
         }
     }
 }

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 
 use super::error::{LoadError, Place, Warnings, one_line};
 
-/// Longest array that is turned into a vector of cursors: a file's own text bounds it.
+/// The elements of an array, each with its pointer.
 pub(super) type Items<'a> = Vec<Json<'a>>;
 
 /// A value and its pointer.
@@ -79,7 +79,7 @@ impl<'a> Json<'a> {
 
     /// A whole number that is not negative; `3.0` counts, as JSON does not tell it from `3`.
     pub(super) fn unsigned(&self) -> Result<u64, LoadError> {
-        let whole = |x: f64| (x >= 0.0 && x <= 9e15 && x.fract() == 0.0).then_some(x as u64);
+        let whole = |x: f64| ((0.0..=9e15).contains(&x) && x.fract() == 0.0).then_some(x as u64);
         let number = self.value.as_u64().or_else(|| self.value.as_f64().and_then(whole));
         number.ok_or_else(|| self.expected("a whole number, not negative"))
     }

@@ -1,6 +1,10 @@
 //! Meshes: primitives merged into one `TriMesh`, shared by all nodes that show the same.
 
-use std::{collections::HashMap, fmt::Write, sync::Arc};
+use std::{
+    collections::{HashMap, HashSet},
+    fmt::Write,
+    sync::Arc,
+};
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -34,7 +38,7 @@ struct Primitive<'a> {
 pub(super) struct Job<'a> {
     primitives: Vec<Primitive<'a>>,
     weights: Vec<f32>,
-    skin: Option<Arc<Skin>>,
+    skin: Option<Skin>,
     /// Material of each slot, by index into the file's materials.
     pub(super) slots: Vec<Option<usize>>,
     /// Equal keys give equal triangles.
@@ -43,10 +47,10 @@ pub(super) struct Job<'a> {
 
 /// Which materials a mesh uses, in the order of first use.
 pub(super) fn read_slots(mesh: &Json<'_>, document: &Document<'_>) -> Result<Vec<Option<usize>>, LoadError> {
-    let mut slots = Vec::new();
+    let (mut slots, mut seen) = (Vec::new(), HashSet::new());
     for primitive in mesh.list("primitives")? {
         let material = document.follow_key(&primitive, "material", MATERIALS)?.map(|(index, _)| index);
-        if read_topology(&primitive)?.is_some() && !slots.contains(&material) {
+        if read_topology(&primitive)?.is_some() && seen.insert(material) {
             slots.push(material);
         }
     }
@@ -58,7 +62,7 @@ impl<'a> Job<'a> {
     pub(super) fn new(
         mesh: &Json<'a>,
         weights: Vec<f32>,
-        skin: Option<Arc<Skin>>,
+        skin: Option<Skin>,
         document: &Document<'a>,
         drafts: &[Option<Draft>],
         warnings: &mut Warnings,
@@ -67,6 +71,7 @@ impl<'a> Job<'a> {
         if slots.len() > usize::from(u16::MAX) {
             return Err(mesh.expected("at most 65535 materials"));
         }
+        let places: HashMap<_, _> = slots.iter().zip(0u16..).collect();
         let mut primitives = Vec::new();
         for json in mesh.required("primitives")?.items()? {
             let Some(topology) = read_topology(&json)? else {
@@ -83,7 +88,7 @@ impl<'a> Job<'a> {
                 return Err(positions.expected("at most 2³² vertices"));
             }
             let material = document.follow_key(&json, "material", MATERIALS)?.map(|(index, _)| index);
-            let slot = slots.iter().position(|&slot| slot == material).unwrap_or(0) as u16;
+            let slot = places.get(&material).copied().unwrap_or(0);
             let normal_set = material.and_then(|index| drafts[index].as_ref()?.normal_set);
             let given = attributes.get("NORMAL")?.is_some() && attributes.get("TANGENT")?.is_some();
             let tangents = normal_set.filter(|_| !given);
@@ -122,7 +127,7 @@ impl<'a> Job<'a> {
             let at = self.primitives.first().map_or(document.root.at.clone(), |p| p.json.at.clone());
             return Err(LoadError::Value { at, expected: "a sound mesh".to_owned(), found: problem });
         }
-        Ok((mesh, warnings.0))
+        Ok((mesh, warnings.list))
     }
 
     /// Primitives that can share their vertices, in the order of the first of each.

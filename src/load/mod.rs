@@ -99,5 +99,5 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     }
     let buffers = Buffers::new(&document, folder, container.binary);
     let scene = scene::read(&document, &buffers, options, &mut info, &mut warnings)?;
-    Ok(Loaded { scene, warnings: warnings.0, info })
+    Ok(Loaded { scene, warnings: warnings.list, info })
 }

@@ -1,6 +1,7 @@
 //! Morph targets, baked at the default weights.
 
 use glam::Vec3;
+use serde_json::Value;
 
 use super::{
     error::LoadError,
@@ -10,15 +11,13 @@ use super::{
 
 /// The weights a node shows its mesh with; empty if the mesh has no targets or none has a weight.
 pub(super) fn read_weights(node: &Json<'_>, mesh: &Json<'_>) -> Result<Vec<f32>, LoadError> {
-    let targets = match mesh.list("primitives")?.first() {
-        Some(primitive) => primitive.list("targets")?.len(),
-        None => 0,
-    };
     let found = match node.get("weights")? {
         Some(weights) => Some(weights),
         None => mesh.get("weights")?,
     };
     let Some(json) = found else { return Ok(Vec::new()) };
+    // All primitives of a mesh have as many targets; each is compared when it is read.
+    let targets = mesh.value.pointer("/primitives/0/targets").and_then(Value::as_array).map_or(0, Vec::len);
     let weights =
         json.items()?.iter().map(|weight| weight.number().map(|w| w as f32)).collect::<Result<Vec<_>, _>>()?;
     if weights.len() != targets {

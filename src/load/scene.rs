@@ -1,6 +1,9 @@
 //! The chosen scene: what it needs is read, then spawned in an order that depends on the file alone.
 
-use std::sync::Arc;
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    sync::Arc,
+};
 
 use hecs::EntityBuilder;
 
@@ -18,7 +21,7 @@ use super::{
     meshes::{self, Job, read_slots},
     morph,
     nodes::{self, Nodes},
-    skins::{Skin, read_skin},
+    skins::read_skin,
 };
 use crate::world::{Camera, Geometry, LocalTransform, MaterialSlots, Name, Parent, Scene, SceneKey, TriMesh};
 
@@ -97,19 +100,27 @@ fn read_contents<'a>(
 ) -> Result<(Vec<Content>, Vec<Job<'a>>), LoadError> {
     let lights = lights::all(document)?;
     let (mut contents, mut jobs) = (Vec::with_capacity(order.len()), Vec::new());
+    let mut known = HashMap::new();
     for &index in order {
         let node = document.element(NODES, index);
         let mut content = Content { name: node.name_or("node", index)?, ..Content::default() };
-        if let Some((_, mesh)) = document.follow_key(&node, "mesh", MESHES)? {
+        if let Some((mesh_index, mesh)) = document.follow_key(&node, "mesh", MESHES)? {
             let weights = morph::read_weights(&node, &mesh)?;
-            let skin = match document.follow_key(&node, "skin", SKINS)? {
-                None => None,
-                Some(found) => Some(Arc::new(read_skin_of(found, index, &mesh, document, nodes, buffers)?)),
+            let skin = document.follow_key(&node, "skin", SKINS)?;
+            let identity = skin.as_ref().map(|(skin, _)| skin_identity(*skin, index, &mesh)).transpose()?;
+            let bits: Vec<u32> = weights.iter().map(|weight| weight.to_bits()).collect();
+            let job = match known.entry((mesh_index, bits, identity)) {
+                Entry::Occupied(job) => *job.get(),
+                Entry::Vacant(place) => {
+                    let skin = skin.zip(identity).map(|((_, skin), identity)| {
+                        read_skin(identity, &skin, nodes.worlds[index], document, nodes, buffers)
+                    });
+                    let skin = skin.transpose()?;
+                    jobs.push(Job::new(&mesh, weights, skin, document, drafts, warnings)?);
+                    *place.insert(jobs.len() - 1)
+                }
             };
-            let skinned = skin.is_some();
-            let job = Job::new(&mesh, weights, skin, document, drafts, warnings)?;
-            content.mesh = Some((jobs.len(), skinned));
-            jobs.push(job);
+            content.mesh = Some((job, identity.is_some()));
         }
         if let Some((camera, json)) = document.follow_key(&node, "camera", CAMERAS)? {
             content.camera = Some((camera, read_camera(&json)?));
@@ -120,23 +131,14 @@ fn read_contents<'a>(
     Ok((contents, jobs))
 }
 
-fn read_skin_of(
-    skin: (usize, Json<'_>),
-    node: usize,
-    mesh: &Json<'_>,
-    document: &Document<'_>,
-    nodes: &Nodes,
-    buffers: &Buffers<'_>,
-) -> Result<Skin, LoadError> {
-    let mut skin = read_skin(skin, node, document, nodes, buffers)?;
-    let mut all_jointed = true;
+/// What decides how a skin bends a mesh: the skin and, for vertices without joints, the node they stay with.
+fn skin_identity(skin: usize, node: usize, mesh: &Json<'_>) -> Result<(usize, Option<usize>), LoadError> {
     for primitive in mesh.list("primitives")? {
-        all_jointed &= primitive.required("attributes")?.get("JOINTS_0")?.is_some();
+        if primitive.required("attributes")?.get("JOINTS_0")?.is_none() {
+            return Ok((skin, Some(node)));
+        }
     }
-    if all_jointed {
-        skin.identity.1 = 0;
-    }
-    Ok(skin)
+    Ok((skin, None))
 }
 
 fn spawn_nodes(

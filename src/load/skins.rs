@@ -15,8 +15,8 @@ use super::{
 /// A skin in a pose.
 #[derive(Debug)]
 pub(super) struct Skin {
-    /// Skin and, where vertices without joints follow it, node: equal ones bend a mesh alike.
-    pub(super) identity: (usize, usize),
+    /// Skin and, where some vertices have no joints, node: equal ones bend a mesh alike.
+    pub(super) identity: (usize, Option<usize>),
     /// World space from the space of the mesh, per joint.
     joints: Vec<DAffine3>,
     /// The node that shows the mesh: where vertices without joints stay.
@@ -25,14 +25,15 @@ pub(super) struct Skin {
 
 /// Reads a skin in the rest pose of its joints.
 pub(super) fn read_skin(
-    (index, skin): (usize, Json<'_>),
-    node: usize,
+    identity: (usize, Option<usize>),
+    skin: &Json<'_>,
+    world_from_node: DAffine3,
     document: &Document<'_>,
     nodes: &Nodes,
     buffers: &Buffers<'_>,
 ) -> Result<Skin, LoadError> {
     let joints = skin.required("joints")?.items()?;
-    let inverse_binds: Option<Vec<[f32; 16]>> = match document.follow_key(&skin, "inverseBindMatrices", ACCESSORS)? {
+    let inverse_binds: Option<Vec<[f32; 16]>> = match document.follow_key(skin, "inverseBindMatrices", ACCESSORS)? {
         None => None,
         Some((_, json)) => {
             let accessor = Accessor::new(json, buffers)?;
@@ -56,7 +57,7 @@ pub(super) fn read_skin(
         }
         matrices.push(matrix);
     }
-    Ok(Skin { identity: (index, node), joints: matrices, world_from_node: nodes.worlds[node] })
+    Ok(Skin { identity, joints: matrices, world_from_node })
 }
 
 /// Takes a part from the space of its mesh to world space.

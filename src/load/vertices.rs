@@ -13,6 +13,9 @@ use super::{
 /// Sets of texture coordinates that are read; more are ignored with a warning.
 pub(super) const MAX_UV_SETS: usize = 8;
 
+/// Four joints and their weights per vertex.
+pub(super) type Influences = (Vec<[u32; 4]>, Vec<[f32; 4]>);
+
 /// The vertices and triangles of the primitives of a mesh that share their attributes.
 ///
 /// Attribute vectors are empty or have one element per position, as in `TriMesh`.
@@ -24,7 +27,7 @@ pub(super) struct Part {
     pub(super) uvs: Vec<Vec<Vec2>>,
     pub(super) colors: Vec<Vec4>,
     /// Joints and weights, by set.
-    pub(super) influences: Vec<(Vec<[u32; 4]>, Vec<[f32; 4]>)>,
+    pub(super) influences: Vec<Influences>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) slots: Vec<u16>,
 }
@@ -178,10 +181,7 @@ fn read_colors(attributes: &Attributes<'_, '_>, rows: &[u32], warnings: &mut War
     Ok(colors.into_iter().map(|c| Vec4::from_array(c.to_array().map(sound))).collect())
 }
 
-fn read_influences(
-    attributes: &Attributes<'_, '_>,
-    rows: &[u32],
-) -> Result<Vec<(Vec<[u32; 4]>, Vec<[f32; 4]>)>, LoadError> {
+fn read_influences(attributes: &Attributes<'_, '_>, rows: &[u32]) -> Result<Vec<Influences>, LoadError> {
     let mut sets = Vec::new();
     loop {
         let (joints_key, weights_key) = (format!("JOINTS_{}", sets.len()), format!("WEIGHTS_{}", sets.len()));

@@ -85,9 +85,7 @@ fn indices_of_every_size_give_the_same_triangles() {
 /// Values 1 and 2 replace rows 1 and 3 of four; the rest comes from the base, or is zero.
 #[test]
 fn sparse_values_replace_those_of_the_base_or_zeros() {
-    for (component, indices) in
-        [(U8, vec![1u8, 3]), (U16, vec![1, 0, 3, 0]), (U32, vec![1, 0, 0, 0, 3, 0, 0, 0])]
-    {
+    for (component, indices) in [(U8, vec![1u8, 3]), (U16, vec![1, 0, 3, 0]), (U32, vec![1, 0, 0, 0, 3, 0, 0, 0])] {
         for based in [true, false] {
             let mut file = File::new();
             let base = file.view(&le(&[9.0, 9.0, 9.0, 8.0, 8.0, 8.0, 7.0, 7.0, 7.0, 6.0, 6.0, 6.0]));
@@ -108,8 +106,7 @@ fn sparse_values_replace_those_of_the_base_or_zeros() {
             let order = file.indices(&[0, 1, 2, 3, 2, 1]);
             file.show(json!({"attributes": {"POSITION": positions}, "indices": order}));
             let [first, third] = if based { [9.0, 7.0] } else { [0.0, 0.0] };
-            let expected =
-                [Vec3::splat(first), Vec3::new(1.0, 2.0, 3.0), Vec3::splat(third), Vec3::new(4.0, 5.0, 6.0)];
+            let expected = [Vec3::splat(first), Vec3::new(1.0, 2.0, 3.0), Vec3::splat(third), Vec3::new(4.0, 5.0, 6.0)];
             assert_eq!(file.mesh().positions, expected, "{component} {based}");
 
             // The same with some rows unused, which reads them one by one.
@@ -199,7 +196,8 @@ fn the_same_data_may_not_be_multiplied_without_bound() {
         // Another material each time keeps them from being shared.
         file.push("materials", json!({}));
         file.push("materials", json!({}));
-        let primitive = |material: usize| json!({"attributes": {"POSITION": positions, "_": material}, "material": material});
+        let primitive =
+            |material: usize| json!({"attributes": {"POSITION": positions, "_": material}, "material": material});
         let mesh = file.push("meshes", json!({"primitives": [primitive(2 * i), primitive(2 * i + 1)]}));
         file.node(json!({"mesh": mesh}));
     }

@@ -221,7 +221,7 @@ fn base_color_is_the_product_of_three() {
 #[test]
 fn terminator_lift_follows_the_smooth_surface() {
     let mut scene = TestScene::new();
-    scene.mesh(TriMesh::sphere(Vec3::ZERO, 1.0, 8), &lambert(1.0));
+    scene.mesh(TriMesh::sphere(Vec3::ZERO, 1.0, 24), &lambert(1.0));
     let hit = geometry::Hit { t: 1.0, b1: 0.3, b2: 0.3, index: 0 };
     for triangle in geometry::world_triangles(&scene.flat) {
         let place = Place::new(&scene.flat, &triangle, &hit);

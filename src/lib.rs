@@ -1,6 +1,7 @@
 //! wavecast: a data-oriented wavefront path tracer for glTF 2.0 scenes.
 
 pub mod accel;
+pub mod bsdf;
 pub mod film;
 pub mod flat;
 pub mod light;
@@ -9,5 +10,6 @@ pub mod measure;
 pub mod reference;
 pub mod render;
 pub mod sampling;
+pub mod simd;
 pub mod systems;
 pub mod world;

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, time::Duration};
 
-use crate::{film::Picture, flat::FlatScene, world::Scene};
+use crate::{film::Picture, flat::FlatScene, systems::Systems, world::Scene};
 
 /// Where numbers in [0, 1) come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -203,6 +203,7 @@ pub struct SyncReport {
 /// Holds the tables of a scene between pictures of it.
 #[derive(Default)]
 pub struct Renderer {
+    systems: Systems,
     flat: FlatScene,
 }
 
@@ -213,8 +214,8 @@ impl Renderer {
     }
 
     /// Brings the tables up to date with the scene; does only what its changes ask for.
-    pub fn sync(&mut self, _scene: &mut Scene) -> SyncReport {
-        SyncReport::default()
+    pub fn sync(&mut self, scene: &mut Scene) -> SyncReport {
+        self.systems.sync(scene, &mut self.flat)
     }
 
     /// The tables as of the last sync.

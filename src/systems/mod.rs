@@ -1,5 +1,278 @@
-//! Scene to FlatScene.
+//! Scene to FlatScene: one file per system, in the order they run.
+//!
+//! In flow changes of the world; out, tables. A system runs only if a component that
+//! it reads changed, or a system before it rebuilt what it reads; what ran is in the
+//! report. Meshes and images are immutable and their flat forms are kept by identity;
+//! all else is rebuilt whole, in the order of keys, so that the tables do not depend on
+//! the edits that led to them.
 
-/// The change trackers of a scene.
+mod camera;
+mod geometry;
+mod instances;
+mod lights;
+mod materials;
+mod needs;
+mod textures;
+mod transforms;
+mod watch;
+
+use std::{collections::HashMap, sync::Arc};
+
+pub use self::watch::{Watch, Watches};
+use self::{geometry::MeshCache, instances::Shown, lights::EnvironmentCache, textures::ImageCache};
+use crate::{
+    accel::Accel,
+    flat::{EnvironmentLight, FlatScene, NONE, flags},
+    render::SyncReport,
+    world::{Camera, EmissiveSurface, Material, MaterialSlots, Scene, SceneKey, TriMesh, WorldTransform},
+};
+
+/// What the systems keep between syncs.
 #[derive(Default)]
-pub struct Watches;
+pub struct Systems {
+    meshes: MeshCache,
+    images: ImageCache,
+    environment: EnvironmentCache,
+    shown: Vec<Shown>,
+    camera: Option<SceneKey>,
+    synced: bool,
+}
+
+impl Systems {
+    /// Brings the tables up to date with the scene.
+    pub fn sync(&mut self, scene: &mut Scene, flat: &mut FlatScene) -> SyncReport {
+        scene.assign_keys();
+        let active_camera = scene.active_camera;
+        let first = !std::mem::replace(&mut self.synced, true);
+        let mut report = SyncReport::default();
+        let (world, watches, entities) = scene.parts();
+
+        if let Some(rows) = transforms::sync_transforms(world, watches, entities, &mut report.warnings) {
+            report.rebuilt.push(("transforms", rows));
+        }
+        // Every watch is asked every time, or it would report an old change later.
+        let moved = watches.world_transform.changed(world);
+        let hidden = watches.world_visibility.changed(world);
+        let meshes_changed = watches.geometry.changed(world);
+        let slots_changed = watches.slots.changed(world);
+        let materials_changed = watches.material.changed(world);
+        let surfaces_changed = watches.emissive.changed(world);
+        let lamps_changed =
+            [watches.point.changed(world), watches.spot.changed(world), watches.directional.changed(world)];
+        let sky_changed = watches.environment.changed(world);
+        let cameras_changed = watches.camera.changed(world);
+
+        let mut placement_changed = first;
+        let mut materials_rebuilt = false;
+        if first || moved || hidden || meshes_changed || slots_changed || surfaces_changed {
+            let before = std::mem::replace(&mut self.shown, instances::shown(world, &mut report.warnings));
+            let same_meshes = same(&before, &self.shown, |a, b| a.key == b.key && Arc::ptr_eq(&a.mesh, &b.mesh));
+            if first || !same_meshes {
+                let built = self.sync_meshes(flat);
+                report.rebuilt.push(("geometry", built));
+            }
+            placement_changed |=
+                !same_meshes || !same(&before, &self.shown, |a, b| a.world_from_local == b.world_from_local);
+            materials_rebuilt =
+                !same_meshes || !same(&before, &self.shown, |a, b| a.slots == b.slots && a.emissive == b.emissive);
+        }
+        let emission_before = (flat.materials.emissive.clone(), flat.materials.emissive_texture.clone());
+        let flags_before = flat.materials.flags.clone();
+        if first || materials_rebuilt || materials_changed || surfaces_changed {
+            let images = self.sync_materials(world, flat);
+            report.rebuilt.push(("textures", images));
+            report.rebuilt.push(("materials", flat.materials.len()));
+        }
+        let emission_changed = materials_rebuilt
+            || emission_before != (flat.materials.emissive.clone(), flat.materials.emissive_texture.clone())
+            || flags_before != flat.materials.flags;
+        if placement_changed {
+            self.sync_instances(flat);
+            report.rebuilt.push(("instances", flat.instances.len()));
+        } else if materials_rebuilt {
+            self.renumber_materials(flat);
+        }
+        if placement_changed || emission_changed {
+            set_checks(flat);
+        }
+
+        // A lamp moves with its entity; only a moved entity that is a lamp matters, but lamps are few.
+        let lights_changed = first
+            || placement_changed
+            || emission_changed
+            || moved
+            || hidden
+            || lamps_changed.contains(&true)
+            || sky_changed;
+        if lights_changed {
+            let before = flat.lights.clone();
+            self.sync_lights(world, flat);
+            if first || !same_lights(&before, &flat.lights) {
+                report.rebuilt.push(("lights", flat.lights.choice.pmf.len()));
+            }
+        }
+
+        let chosen = active_camera.or_else(|| first_camera(world));
+        if first || cameras_changed || moved || self.camera != chosen || (chosen.is_none() && placement_changed) {
+            let view = chosen.and_then(|key| entities.get(&key)).and_then(|&entity| {
+                let camera = world.get::<&Camera>(entity).ok()?;
+                let transform = world.get::<&WorldTransform>(entity).map_or(glam::DAffine3::IDENTITY, |t| t.0);
+                Some(camera::view_of(&camera, &transform))
+            });
+            let view = view.unwrap_or_else(|| camera::framing(flat.accel.bounds()));
+            if first || view != flat.camera || self.camera != chosen {
+                report.rebuilt.push(("camera", 1));
+            }
+            flat.camera = view;
+            self.camera = chosen;
+        }
+        if !report.rebuilt.is_empty() {
+            flat.needs = needs::of(flat);
+        }
+        report
+    }
+
+    /// Flat meshes of everything shown, in the order of first use; returns how many were built.
+    fn sync_meshes(&mut self, flat: &mut FlatScene) -> usize {
+        let mut sources: Vec<Arc<TriMesh>> = Vec::new();
+        let mut seen = HashMap::new();
+        for one in &self.shown {
+            seen.entry(geometry::id(&one.mesh)).or_insert_with(|| sources.push(Arc::clone(&one.mesh)));
+        }
+        let (meshes, built) = self.meshes.sync(&sources);
+        flat.meshes = meshes;
+        built
+    }
+
+    /// Material rows of everything shown, with their textures; returns how many images were made anew.
+    fn sync_materials(&mut self, world: &mut hecs::World, flat: &mut FlatScene) -> usize {
+        let mut all = world.query::<(&SceneKey, &Material)>();
+        let materials: HashMap<SceneKey, &Material> = all.iter().map(|(key, material)| (*key, material)).collect();
+        let mut surfaces = world.query::<(&SceneKey, &EmissiveSurface)>();
+        let emissive: HashMap<SceneKey, EmissiveSurface> =
+            surfaces.iter().map(|(key, surface)| (*key, *surface)).collect();
+        let mut uses: Vec<materials::MaterialUse> = Vec::new();
+        let mut colored = std::collections::HashSet::new();
+        for one in &self.shown {
+            for slot in 0..slot_count(&one.mesh) {
+                let material_use = use_of(one, slot, &materials);
+                uses.push(material_use);
+                if !one.mesh.colors.is_empty() {
+                    colored.insert(material_use);
+                }
+            }
+        }
+        uses.sort_unstable();
+        uses.dedup();
+        let mut textures = textures::TextureTable::new(&mut self.images);
+        let has_colors = |material_use: &materials::MaterialUse| colored.contains(material_use);
+        flat.materials = materials::material_rows(&uses, &materials, &emissive, &has_colors, &mut textures);
+        let (table, built) = textures.finish();
+        flat.textures = table;
+        flat.material_rows.clear();
+        for one in &self.shown {
+            for slot in 0..slot_count(&one.mesh) {
+                let row = uses.binary_search(&use_of(one, slot, &materials)).expect("every use was entered above");
+                flat.material_rows.push(row as u32);
+            }
+        }
+        built
+    }
+
+    fn sync_instances(&mut self, flat: &mut FlatScene) {
+        let rows: HashMap<usize, u32> = {
+            let mut rows = HashMap::new();
+            for one in &self.shown {
+                let next = rows.len() as u32;
+                rows.entry(geometry::id(&one.mesh)).or_insert(next);
+            }
+            rows
+        };
+        flat.instances.clear();
+        let mut references = Vec::with_capacity(self.shown.len());
+        let mut base = 0;
+        for one in &self.shown {
+            let mesh_row = rows[&geometry::id(&one.mesh)];
+            let (row, reference) = instances::place(one, mesh_row, &flat.meshes[mesh_row as usize], base);
+            flat.instances.push(row);
+            references.push(reference);
+            base += slot_count(&one.mesh);
+        }
+        flat.accel = Accel::build(references);
+        let (center, radius) = flat.accel.bounds().map_or(([0.0; 3], 0.0), |(lo, hi)| {
+            let [lo, hi] = [glam::Vec3::from(lo), glam::Vec3::from(hi)];
+            ((0.5 * (lo + hi)).to_array(), 0.5 * (hi - lo).length())
+        });
+        (flat.center, flat.radius) = (center, radius);
+    }
+
+    /// Slot counts follow the meshes, so bases stay as they are unless meshes changed.
+    fn renumber_materials(&self, flat: &mut FlatScene) {
+        let mut base = 0;
+        for (row, one) in self.shown.iter().enumerate() {
+            flat.instances.material_base[row] = base;
+            base += slot_count(&one.mesh);
+        }
+    }
+
+    fn sync_lights(&mut self, world: &mut hecs::World, flat: &mut FlatScene) {
+        (flat.lights.triangles, flat.light_rows) = lights::emissive_triangles(flat);
+        flat.lights.local = lights::local_lights(world);
+        flat.lights.distant = lights::distant_lights(world);
+        flat.lights.environment = lights::environment(world, &mut self.environment);
+        let unlit = flat.materials.flags.iter().any(|f| f & flags::UNLIT != 0);
+        flat.lights.default_sky = flat.lights.environment.is_none()
+            && flat.lights.triangles.is_empty()
+            && flat.lights.local.is_empty()
+            && flat.lights.distant.is_empty()
+            // A scene of unlit surfaces alone shows itself.
+            && !(unlit && flat.materials.flags.iter().all(|f| f & flags::UNLIT != 0));
+        if flat.lights.default_sky {
+            flat.lights.environment = Some(EnvironmentLight::Constant([1.0; 3]));
+        }
+        flat.lights.choice = lights::choice(flat);
+    }
+}
+
+fn slot_count(mesh: &TriMesh) -> u32 {
+    mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1)
+}
+
+/// The material that a slot of a shown entity uses, and whose emission replaces its own.
+fn use_of(one: &Shown, slot: u32, materials: &HashMap<SceneKey, &Material>) -> materials::MaterialUse {
+    let key = one.slots.as_ref().and_then(|MaterialSlots(keys)| keys.get(slot as usize)).copied();
+    (key.filter(|key| materials.contains_key(key)), one.emissive.then_some(one.key))
+}
+
+fn same(a: &[Shown], b: &[Shown], equal: impl Fn(&Shown, &Shown) -> bool) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| equal(a, b))
+}
+
+fn same_lights(a: &crate::flat::Lights, b: &crate::flat::Lights) -> bool {
+    let same_sky = match (&a.environment, &b.environment) {
+        (None, None) => true,
+        (Some(EnvironmentLight::Constant(a)), Some(EnvironmentLight::Constant(b))) => a == b,
+        (Some(EnvironmentLight::Map(a)), Some(EnvironmentLight::Map(b))) => Arc::ptr_eq(a, b),
+        _ => false,
+    };
+    same_sky && a.triangles == b.triangles && a.local == b.local && a.distant == b.distant && a.choice == b.choice
+}
+
+fn first_camera(world: &mut hecs::World) -> Option<SceneKey> {
+    world.query_mut::<(&SceneKey, &Camera)>().into_iter().map(|(key, _)| *key).min()
+}
+
+/// Tells the tree which instances have a surface that not every ray stops at.
+fn set_checks(flat: &mut FlatScene) {
+    let mut accel = std::mem::take(&mut flat.accel);
+    accel.set_checks(|row| {
+        let base = flat.instances.material_base[row] as usize;
+        let count = flat.meshes[flat.instances.mesh[row] as usize].slot_count as usize;
+        flat.material_rows[base..base + count].iter().any(|&material| {
+            let bits = flat.materials.flags[material as usize];
+            bits & (flags::MASK | flags::BLEND) != 0 || bits & (flags::DOUBLE_SIDED | flags::TRANSMISSION) == 0
+        })
+    });
+    flat.accel = accel;
+    debug_assert!(flat.material_rows.iter().all(|&row| row != NONE));
+}

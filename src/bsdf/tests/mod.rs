@@ -1,0 +1,1 @@
+//! The three versions against plain formulas, quadrature and statistics.

@@ -36,7 +36,8 @@ impl Unit {
             return None;
         }
         // value = mantissa · 2^(exponent − 150), with the implicit bit where it is a normal number.
-        let (mantissa, exponent) = if exponent == 0 { (bits & 0x7f_ffff, 1) } else { (bits & 0x7f_ffff | 0x80_0000, exponent) };
+        let (mantissa, exponent) =
+            if exponent == 0 { (bits & 0x7f_ffff, 1) } else { (bits & 0x7f_ffff | 0x80_0000, exponent) };
         let shift = exponent - 150 - self.log2;
         let magnitude = match shift {
             ..=-24 => 0,

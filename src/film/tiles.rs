@@ -68,7 +68,11 @@ impl Film {
                     samples: [0; 2],
                     halves: [Sums::new(pixels), Sums::new(pixels)],
                     covered: zeros(settings.transparent),
-                    layers: settings.layers.iter().map(|kind| Sums::new(if kind.is_sum() { pixels } else { 0 })).collect(),
+                    layers: settings
+                        .layers
+                        .iter()
+                        .map(|kind| Sums::new(if kind.is_sum() { pixels } else { 0 }))
+                        .collect(),
                     ids: settings.layers.iter().map(|kind| zeros(kind.is_id())).collect(),
                 });
             }
@@ -108,7 +112,8 @@ impl Film {
                         LayerData::Uv(values) => values[at] = [mean(0), mean(1)],
                         LayerData::Rgb(values) | LayerData::Xyz(values) => values[at] = [mean(0), mean(1), mean(2)],
                         LayerData::Id(values) => {
-                            values[at] = if self.layers[i] == LayerKind::SampleCount { samples } else { tile.ids[i][pixel] };
+                            values[at] =
+                                if self.layers[i] == LayerKind::SampleCount { samples } else { tile.ids[i][pixel] };
                         }
                     }
                 }

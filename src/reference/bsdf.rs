@@ -87,15 +87,18 @@ impl Surface {
         self.alpha() < 1e-4
     }
 
-    /// True if a solid's boundary does not bend light, so that even a rough one lets it pass straight.
-    fn is_straight(&self) -> bool {
-        self.solid && (self.ior - 1.0).abs() < 1e-3
+    /// True if transmission is a delta: also where a rough solid would spread it over less than that angle.
+    fn transmits_delta(&self) -> bool {
+        self.is_specular() || (self.solid && self.alpha() * (self.ior - 1.0).abs() < 1e-4)
     }
 
     /// Index of refraction beyond the surface, seen from `wo`, over that before it.
     fn eta(&self) -> f64 {
-        let ior = if self.ior == 0.0 { f64::INFINITY } else { self.ior };
-        if self.solid && self.inside { ior.recip() } else { ior }
+        match self.ior {
+            0.0 => f64::INFINITY,
+            ior if self.solid && self.inside => 1.0 / ior,
+            ior => ior,
+        }
     }
 
     fn facet(&self, cos: f64) -> Facet {
@@ -109,15 +112,14 @@ impl Surface {
             None if self.solid => DVec3::ONE,
             fx => (fx.unwrap_or(1.0) * specular * specular_color).min(DVec3::ONE),
         };
-        // 1/η² leaves nothing of what enters an infinitely dense solid.
-        let enters = if self.solid && eta.is_infinite() { 0.0 } else { 1.0 - glass.max_element() };
+        let passes = if self.solid && self.ior == 0.0 { 0.0 } else { 1.0 - glass.max_element() };
 
         let opaque = (1.0 - metallic) * (1.0 - transmission);
         let clear = (1.0 - metallic) * transmission;
         Facet {
             diffuse: opaque * kd * base_color,
             reflected: opaque * dielectric + clear * glass + metallic * schlick(base_color, cos),
-            transmitted: clear * enters * base_color,
+            transmitted: clear * passes * base_color,
         }
     }
 }
@@ -133,7 +135,7 @@ pub fn fresnel(eta: f64, cos: f64) -> Option<f64> {
         return Some(1.0);
     }
     let cos_t2 = 1.0 - (1.0 - cos * cos) / (eta * eta);
-    if eta == 0.0 || cos_t2 <= 0.0 {
+    if cos_t2 <= 0.0 {
         return None;
     }
     let cos_t = cos_t2.sqrt();
@@ -193,6 +195,8 @@ fn sample_visible(wo: DVec3, alpha: f64, u: DVec2) -> DVec3 {
 fn half_vector(s: &Surface, wo: DVec3, wi: DVec3) -> Option<DVec3> {
     let h = if wi.z > 0.0 {
         wo + wi
+    } else if s.solid && s.ior == 0.0 {
+        return None;
     } else if s.solid {
         wo + s.eta() * wi
     } else {
@@ -206,7 +210,7 @@ fn half_vector(s: &Surface, wo: DVec3, wi: DVec3) -> Option<DVec3> {
 
 /// BSDF value without the cosine, 1/sr, of all but the delta lobes; `wo.z` must be positive.
 pub fn eval(s: &Surface, wo: DVec3, wi: DVec3) -> DVec3 {
-    if wo.z <= 0.0 || wi.z == 0.0 || (wi.z < 0.0 && s.is_straight()) {
+    if wo.z <= 0.0 || wi.z == 0.0 || (wi.z < 0.0 && s.transmits_delta()) {
         return DVec3::ZERO;
     }
     let Some(h) = half_vector(s, wo, wi) else { return DVec3::ZERO };
@@ -236,9 +240,9 @@ pub fn deltas(s: &Surface, wo: DVec3) -> Vec<Delta> {
     if s.is_specular() {
         deltas.push(Delta { wi: mirrored(-wo), weight: facet.reflected });
     }
-    if s.is_straight() || (s.is_specular() && !s.solid) {
+    if s.transmits_delta() && !s.solid {
         deltas.push(Delta { wi: -wo, weight: facet.transmitted });
-    } else if s.is_specular()
+    } else if s.transmits_delta()
         && facet.transmitted != DVec3::ZERO
         && let Some(wi) = refract(wo, DVec3::Z, s.eta())
     {
@@ -255,7 +259,7 @@ fn choice(s: &Surface, wo: DVec3, deltas: &[Delta]) -> (f64, Vec<f64>) {
     let diffuse = ((1.0 - s.metallic) * (1.0 - s.transmission) * s.base_color).element_sum();
     // Facets at a slant reflect more than this says: hence at least a fifth for them.
     let rough_reflected = if s.is_specular() { DVec3::ZERO } else { facet.reflected };
-    let rough_transmitted = if s.is_specular() || s.is_straight() { DVec3::ZERO } else { facet.transmitted };
+    let rough_transmitted = if s.transmits_delta() { DVec3::ZERO } else { facet.transmitted };
     let mut rough = (rough_reflected + rough_transmitted).element_sum();
     let lambert = s.metallic == 0.0 && s.specular == 0.0 && s.transmission == 0.0;
     if !s.is_specular() && !lambert {
@@ -272,7 +276,7 @@ fn choice(s: &Surface, wo: DVec3, deltas: &[Delta]) -> (f64, Vec<f64>) {
 
 /// Share of reflection where a facet both reflects and transmits.
 fn reflects(s: &Surface, facet: &Facet) -> f64 {
-    let transmitted = if s.is_straight() { 0.0 } else { facet.transmitted.element_sum() };
+    let transmitted = if s.transmits_delta() { 0.0 } else { facet.transmitted.element_sum() };
     let reflected = facet.reflected.element_sum();
     if reflected + transmitted == 0.0 { 1.0 } else { reflected / (reflected + transmitted) }
 }

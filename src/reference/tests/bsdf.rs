@@ -9,17 +9,17 @@ use crate::reference::{
     bsdf::{Surface, deltas, eval, fresnel, pdf, sample},
 };
 
-fn direction(cos: f64, phi: f64) -> DVec3 {
+pub fn direction(cos: f64, phi: f64) -> DVec3 {
     let sin = (1.0 - cos * cos).sqrt();
     DVec3::new(sin * phi.cos(), sin * phi.sin(), cos)
 }
 
-fn random_direction(rng: &mut Rng, z: f64) -> DVec3 {
+pub fn random_direction(rng: &mut Rng, z: f64) -> DVec3 {
     direction(0.02 + 0.98 * rng.uniform(), TAU * rng.uniform()) * DVec3::new(1.0, 1.0, z)
 }
 
 /// A spread of opaque and thin surfaces.
-fn surfaces() -> Vec<Surface> {
+pub fn surfaces() -> Vec<Surface> {
     let mut all = Vec::new();
     for roughness in [0.0, 0.25, 0.6, 1.0] {
         for metallic in [0.0, 0.5, 1.0] {
@@ -42,11 +42,11 @@ fn surfaces() -> Vec<Surface> {
     all
 }
 
-fn solids() -> Vec<Surface> {
+pub fn solids() -> Vec<Surface> {
     let mut all = Vec::new();
     for inside in [false, true] {
         for roughness in [0.2, 0.5, 1.0] {
-            for ior in [1.1, 1.5, 2.4, 0.8] {
+            for ior in [1.0, 1.1, 1.5, 2.4, 0.8] {
                 all.push(Surface { solid: true, transmission: 1.0, inside, roughness, ior, ..Surface::default() });
             }
         }
@@ -63,7 +63,7 @@ fn integrate(s: &Surface, wo: DVec3, g: impl Fn(DVec3) -> DVec3) -> DVec3 {
 
 fn integrate_half(axis: DVec3, g: impl Fn(DVec3) -> DVec3) -> DVec3 {
     // Polar coordinates about the axis, denser towards it: θ = π x³.
-    let (n, m) = (600, 240);
+    let (n, m) = (400, 120);
     let x = axis.any_orthonormal_vector();
     let y = axis.cross(x);
     let mut sum = DVec3::ZERO;
@@ -223,5 +223,5 @@ fn fresnel_has_its_known_values() {
     assert!(fresnel(1.0 / 1.5, critical + 1e-6).unwrap() < 1.0);
     let (cos_i, cos_t) = (0.5f64, (1.0 - 0.75 / 2.25f64).sqrt());
     assert!((fresnel(1.5, cos_i).unwrap() - fresnel(1.0 / 1.5, cos_t).unwrap()).abs() < 1e-12);
-    assert_eq!((fresnel(f64::INFINITY, 0.3), fresnel(0.0, 1.0)), (Some(1.0), None));
+    assert_eq!(fresnel(f64::INFINITY, 0.3), Some(1.0));
 }

@@ -8,3 +8,4 @@ mod picture;
 mod scene;
 mod series;
 mod surface;
+mod twin;

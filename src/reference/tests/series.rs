@@ -18,7 +18,7 @@ fn emitting_shell_shows_the_geometric_series() {
     };
     for depth in [0, 1, 4] {
         for albedo in [0.0, 0.5, 0.9] {
-            let rho = f64::from(albedo);
+            let rho: f64 = albedo;
             let want = 3.0 * (1.0 - rho.powi(depth as i32 + 1)) / (1.0 - rho);
             shell(albedo as f32).check(Vec3::new(0.3, 0.2, 0.1), Vec3::new(0.5, 0.6, 0.7), &samples(4000, depth), want);
         }

@@ -3,7 +3,7 @@
 //! In flow the tables of a [`FlatScene`](crate::flat::FlatScene), out flows a picture with the variance
 //! of each pixel. It shares the tables with the fast renderer and nothing else, so
 //! that what the two agree on was thought out twice. What both mean by a picture is
-//! `docs/model.md`. Read [`trace`] first: emission, plus light found by looking for
+//! `docs/model.md`. Read `trace.rs` first: emission, plus light found by looking for
 //! lights, plus light found by following the scattering, weighted so that nothing is
 //! counted twice.
 

@@ -27,7 +27,7 @@ pub struct Place<'a> {
 pub struct ShadingPoint {
     /// m.
     pub p: DVec3,
-    /// Where rays on the side of `ng` start; differs from `p` by the terminator lift.
+    /// Where reflected rays start; differs from `p` by the terminator lift if there is any.
     pub p_lifted: DVec3,
     /// Geometric normal on the side of `wo`.
     pub ng: DVec3,
@@ -140,8 +140,8 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// The surface as seen along `wo`.
-    pub fn shading(&self, wo: DVec3, terminator_fix: bool) -> ShadingPoint {
+    /// The surface as seen along `wo`; `least_lift`, m, is the smallest terminator lift that counts, infinite for none.
+    pub fn shading(&self, wo: DVec3, least_lift: f64) -> ShadingPoint {
         let m = &self.material;
         let metallic_roughness = self.texture(m.metallic_roughness_texture);
         let surface = Surface {
@@ -163,7 +163,8 @@ impl<'a> Place<'a> {
         let ng = side * self.front;
         let ns = valid_normal(wo, self.shading_normal(ng, side), ng);
         let p = self.triangle.point(self.weights[1], self.weights[2]);
-        let p_lifted = if terminator_fix { self.lifted(p, ng, side) } else { p };
+        let lift = self.lift(p, ng, side);
+        let p_lifted = if lift.dot(ng) > least_lift { p + lift } else { p };
         let tangent = ns.any_orthonormal_vector();
         ShadingPoint { p, p_lifted, ng, frame: DMat3::from_cols(tangent, ns.cross(tangent), ns), surface }
     }
@@ -193,9 +194,9 @@ impl<'a> Place<'a> {
         (scale * texel.x * tangent + scale * texel.y * bitangent + texel.z * n).try_normalize()
     }
 
-    /// `p` lifted to where the smooth surface may be (Hanika 2021, "Hacking the Shadow Terminator").
-    fn lifted(&self, p: DVec3, ng: DVec3, side: f64) -> DVec3 {
-        let Some(normals) = self.corners(&self.mesh.normals) else { return p };
+    /// From `p` to where the smooth surface may be (Hanika 2021, "Hacking the Shadow Terminator").
+    fn lift(&self, p: DVec3, ng: DVec3, side: f64) -> DVec3 {
+        let Some(normals) = self.corners(&self.mesh.normals) else { return DVec3::ZERO };
         let (_, normal_from_local) = transforms(self.scene, self.triangle.instance);
         let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)].map(|(b1, b2)| self.triangle.point(b1, b2));
         let mut lift = DVec3::ZERO;
@@ -205,7 +206,7 @@ impl<'a> Place<'a> {
                 lift += self.weights[corner] * (corners[corner] - p).dot(n).max(0.0) * n;
             }
         }
-        p + lift
+        lift
     }
 }
 

@@ -19,7 +19,7 @@ pub struct Tracer<'a> {
     bvh: Bvh,
     lights: LightTable<'a>,
     max_depth: u32,
-    terminator_fix: bool,
+    least_lift: f64,
     transparent: bool,
     /// Rays leave a surface this far from it, m: above the rounding of f64, below any detail.
     offset: f64,
@@ -73,7 +73,8 @@ impl<'a> Tracer<'a> {
             scene,
             lights,
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
-            terminator_fix: settings.terminator_fix,
+            // Lower ones could not be told from none: a ray would start past the facet it was lifted from.
+            least_lift: if settings.terminator_fix { 1e-8 * bvh.scale() } else { f64::INFINITY },
             transparent: settings.transparent,
             offset: 1e-9 * bvh.scale(),
             bvh,
@@ -101,7 +102,7 @@ impl<'a> Tracer<'a> {
         if place.is_unlit() || path.depth >= self.max_depth {
             return transmittance * emitted;
         }
-        let point = place.shading(wo, self.terminator_fix);
+        let point = place.shading(wo, self.least_lift);
         let path = Path { throughput: path.throughput * transmittance, ..path };
         transmittance * (emitted + self.direct(&path, &place, &point, rng) + self.indirect(&path, &place, &point, rng))
     }
@@ -211,27 +212,30 @@ enum Target {
 }
 
 impl ShadingPoint {
-    /// Start, direction and distance of a ray to `target`: from the lifted point if it leaves on the side of wo.
+    /// Start, direction and distance of a ray to `target`: from the lifted point if it reflects.
     fn leave_for(&self, target: Target) -> Option<(DVec3, DVec3, f64)> {
         let from = |origin: DVec3| match target {
             Target::At(q) => (origin, (q - origin).normalize_or_zero(), (q - origin).length()),
             Target::Towards(wi) => (origin, wi, f64::INFINITY),
         };
         let reflected = from(self.p_lifted);
-        if reflected.1.dot(self.ng) > 0.0 {
+        if self.local(reflected.1).z > 0.0 {
             return Some(reflected);
         }
         let transmitted = from(self.p);
-        (transmitted.1.dot(self.ng) < 0.0).then_some(transmitted)
+        (self.local(transmitted.1).z < 0.0).then_some(transmitted)
     }
 
     fn local(&self, w: DVec3) -> DVec3 {
         self.frame.transpose() * w
     }
 
-    /// False where the sides of the geometric and of the shading normal disagree.
+    /// Whether the sides of the geometric and of the shading normal agree, or the ray starts above a facet that stands
+    /// for a smooth surface and will find out itself whether it meets that facet.
     fn sides_agree(&self, wi: DVec3) -> bool {
-        self.local(wi).z * self.ng.dot(wi) > 0.0
+        let lifted = self.p_lifted != self.p;
+        let z = self.local(wi).z;
+        z * self.ng.dot(wi) > 0.0 || (z > 0.0 && lifted)
     }
 
     /// BSDF times cosine.
@@ -251,13 +255,13 @@ impl ShadingPoint {
     fn sample(&self, wo: DVec3, u: [f64; 4]) -> Option<(BsdfSample, DVec3)> {
         let sample = bsdf::sample(&self.surface, self.local(wo), u)?;
         let wi = self.frame * sample.wi;
-        let origin = if wi.dot(self.ng) > 0.0 { self.p_lifted } else { self.p };
+        let origin = if sample.wi.z > 0.0 { self.p_lifted } else { self.p };
         self.sides_agree(wi).then_some((BsdfSample { wi, ..sample }, origin))
     }
 
     /// The solid that a ray along `wi` is known to be in.
     fn inside_after(&self, wi: DVec3, before: Option<u32>, place: &Place) -> Option<u32> {
-        let transmitted = wi.dot(self.ng) < 0.0;
+        let transmitted = self.local(wi).z < 0.0;
         match (transmitted && place.is_solid(), self.surface.inside) {
             (false, _) => before,
             (true, false) => Some(place.material_row),

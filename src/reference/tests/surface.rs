@@ -8,7 +8,7 @@ use super::scene::*;
 use crate::{
     flat::{NONE, TextureSlot},
     reference::{
-        geometry,
+        ReferenceSettings, geometry,
         surface::{Place, valid_normal},
     },
     world::{AlphaMode, Material, TriMesh},
@@ -225,7 +225,7 @@ fn terminator_lift_follows_the_smooth_surface() {
     let hit = geometry::Hit { t: 1.0, b1: 0.3, b2: 0.3, index: 0 };
     for triangle in geometry::world_triangles(&scene.flat) {
         let place = Place::new(&scene.flat, &triangle, &hit);
-        let outside = place.shading(place.front, true);
+        let outside = place.shading(place.front, 0.0);
         let p = triangle.point(0.3, 0.3);
         assert_eq!(outside.p, p);
         let corners = [(0.4, triangle.p0), (0.3, triangle.p0 + triangle.e1), (0.3, triangle.p0 + triangle.e2)];
@@ -233,7 +233,56 @@ fn terminator_lift_follows_the_smooth_surface() {
         assert!((outside.p_lifted - p - lift).length() < 1e-6, "corners are unit vectors to f32");
         let way = 1.0 - p.length();
         assert!((outside.p_lifted.length() - p.length() - 2.0 * way).abs() < 0.1 * way);
-        assert_eq!(place.shading(-place.front, true).p_lifted, p);
-        assert_eq!(place.shading(place.front, false).p_lifted, p);
+        assert_eq!(place.shading(-place.front, 0.0).p_lifted, p);
+        assert_eq!(place.shading(place.front, f64::INFINITY).p_lifted, p);
+    }
+}
+
+/// A facet that turns away from the light while the smooth surface does not is lit: on a coarse sphere the light
+/// ends where it would on a round one. Without the lift such facets are black.
+#[test]
+fn terminator_of_a_coarse_sphere_is_where_the_smooth_one_is() {
+    let mut scene = TestScene::new();
+    scene.mesh(TriMesh::sphere(Vec3::ZERO, 1.0, 8), &lambert(1.0));
+    let to_light = Vec3::new(1.0, 0.3, 0.0).normalize();
+    scene.distant_light(to_light, PI as f32);
+    let black = |terminator_fix: bool| {
+        let settings = ReferenceSettings { terminator_fix, ..samples(1, 1) };
+        let (mut black, mut lit) = (0, 0);
+        for i in 0..60 * 60 {
+            let (x, y) = ((i % 60) as f32 / 30.0 - 0.98, (i / 60) as f32 / 30.0 - 0.98);
+            let n = Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
+            // Within the outline of the mesh, near the terminator but on its light side.
+            if x * x + y * y < 0.9 && (0.03..0.3).contains(&n.dot(to_light)) {
+                let value = scene.look(Vec3::new(x, y, 5.0), Vec3::NEG_Z, &settings).0.y;
+                black += usize::from(value == 0.0);
+                lit += usize::from(value > 0.0);
+            }
+        }
+        (black, lit)
+    };
+    assert_eq!(black(true).0, 0);
+    let (without, lit) = black(false);
+    assert!(without * 20 > lit, "the test sees the problem: {without} black, {lit} lit");
+}
+
+/// Where nothing is lifted but by rounding, light from below the facet is no light, however the normal map bends.
+#[test]
+fn light_from_below_a_flat_facet_stays_out() {
+    for i in 0..20 {
+        let mut mesh = floor(Vec3::ZERO, 1.0);
+        mesh.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
+        if i > 0 {
+            mesh.normals = vec![Vec3::Y; 4];
+        }
+        let mut scene = TestScene::new();
+        let slot = scene.texture(1, vec![[230, 128, 204, 255]], TextureSlot::default());
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.7 * f64::from(i), 1.1 * f64::from(i), 0.3 * f64::from(i));
+        let place = DAffine3::from_rotation_translation(turn, DVec3::splat(3.0 * f64::from(i)));
+        scene.instance(mesh, &lambert(1.0), place);
+        scene.flat.materials.normal_texture[0] = slot;
+        scene.distant_light((turn * DVec3::new(1.0, -0.1, 0.0)).as_vec3(), 10.0);
+        let from = place.transform_point3(DVec3::new(0.1, 1.0, 0.2)).as_vec3();
+        scene.check(from, (turn * DVec3::NEG_Y).as_vec3(), &samples(1, 1), 0.0);
     }
 }

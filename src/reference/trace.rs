@@ -1,0 +1,271 @@
+//! The rendering equation, by recursion.
+
+use glam::DVec3;
+
+use super::{
+    ReferenceSettings,
+    bsdf::{self, BsdfSample},
+    geometry::{Bvh, Hit, Ray, world_triangles},
+    lights::{Light, LightTable},
+    rng::Rng,
+    surface::{Place, ShadingPoint},
+};
+use crate::flat::FlatScene;
+
+/// A scene made ready for rays.
+#[derive(Debug)]
+pub struct Tracer<'a> {
+    scene: &'a FlatScene,
+    bvh: Bvh,
+    lights: LightTable<'a>,
+    max_depth: u32,
+    least_lift: f64,
+    transparent: bool,
+    /// Rays leave a surface this far from it, m: above the rounding of f64, below any detail.
+    offset: f64,
+}
+
+/// How a ray was come by, which decides who else could have found what it meets.
+#[derive(Clone, Copy)]
+enum Arrival {
+    Camera,
+    /// Through a delta: only so.
+    Delta,
+    /// With this density, 1/sr; also by looking for lights.
+    Scattered(f64),
+}
+
+impl Arrival {
+    /// Weight of finding light this way rather than by looking for it with density `pdf`
+    /// (power heuristic; Veach, Guibas 1995, "Optimally Combining Sampling Techniques", section 3.4).
+    fn weight(self, pdf: f64) -> f64 {
+        match self {
+            Self::Camera | Self::Delta => 1.0,
+            Self::Scattered(own) => power_heuristic(own, pdf),
+        }
+    }
+}
+
+fn power_heuristic(own: f64, other: f64) -> f64 {
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+/// What a path carries from one surface to the next.
+#[derive(Clone, Copy)]
+struct Path {
+    ray: Ray,
+    arrival: Arrival,
+    /// Scatterings so far.
+    depth: u32,
+    /// Row of the material of the solid that the path is known to be in.
+    inside: Option<u32>,
+    /// Light at the start per light here, for Russian roulette alone.
+    throughput: DVec3,
+}
+
+impl<'a> Tracer<'a> {
+    /// Builds the tree and the table of lights; of the settings only what does not concern the film is used.
+    pub fn new(scene: &'a FlatScene, settings: &ReferenceSettings) -> Self {
+        let bvh = Bvh::new(world_triangles(scene));
+        let lights = LightTable::new(scene, &bvh.triangles, bvh.scale());
+        Self {
+            scene,
+            lights,
+            max_depth: settings.max_depth.unwrap_or(u32::MAX),
+            // Lower ones could not be told from none: a ray would start past the facet it was lifted from.
+            least_lift: if settings.terminator_fix { 1e-8 * bvh.scale() } else { f64::INFINITY },
+            transparent: settings.transparent,
+            offset: 1e-9 * bvh.scale(),
+            bvh,
+        }
+    }
+
+    /// An unbiased estimate of the radiance, nit, that a camera ray sees between two distances along it.
+    pub fn radiance(&self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64, rng: &mut Rng) -> DVec3 {
+        let ray = Ray { origin, direction: direction.normalize(), t_min, t_max };
+        self.incident(Path { ray, arrival: Arrival::Camera, depth: 0, inside: None, throughput: DVec3::ONE }, rng)
+    }
+
+    /// L: what the path's ray sees.
+    fn incident(&self, path: Path, rng: &mut Rng) -> DVec3 {
+        let wo = -path.ray.direction;
+        let Some(hit) = self.meet(&path.ray, rng) else {
+            let hidden = self.transparent && matches!(path.arrival, Arrival::Camera);
+            let weight = path.arrival.weight(self.lights.sky_pdf(-wo));
+            return if hidden { DVec3::ZERO } else { weight * self.lights.sky(-wo) };
+        };
+        let place = self.place(&hit);
+        let transmittance = self.transmittance(path.inside, &place, wo, hit.t);
+        let found = self.lights.triangle_pdf(hit.index, &self.bvh.triangles[hit.index], wo, hit.t);
+        let emitted = path.arrival.weight(found) * place.emission(wo);
+        if place.is_unlit() || path.depth >= self.max_depth {
+            return transmittance * emitted;
+        }
+        let point = place.shading(wo, self.least_lift);
+        let path = Path { throughput: path.throughput * transmittance, ..path };
+        transmittance * (emitted + self.direct(&path, &place, &point, rng) + self.indirect(&path, &place, &point, rng))
+    }
+
+    /// The part of the scattered light that comes straight from lights, by looking for one of them.
+    fn direct(&self, path: &Path, place: &Place, point: &ShadingPoint, rng: &mut Rng) -> DVec3 {
+        let Some((light, probability)) = self.lights.choose(rng.uniform()) else { return DVec3::ZERO };
+        let wo = -path.ray.direction;
+        let (triangle, target) = match light {
+            Light::Triangle(index) => {
+                let root = rng.uniform().sqrt();
+                let b2 = root * rng.uniform();
+                (Some(index), Target::At(self.bvh.triangles[index].point(root - b2, b2)))
+            }
+            Light::Local(row) => (None, Target::At(self.lights.position(row))),
+            Light::Distant(row) => (None, Target::Towards(self.lights.distant(row).0)),
+            Light::Map => (None, Target::Towards(self.lights.sample_sky(rng))),
+        };
+        let Some((origin, wi, distance)) = point.leave_for(target) else { return DVec3::ZERO };
+        let f = point.eval(wo, wi);
+        if f == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+        let scattered = point.pdf(wo, wi);
+        let inside = point.inside_after(wi, path.inside, place);
+        let mut ray = Ray { origin, direction: wi, t_min: self.offset, t_max: f64::INFINITY };
+        match light {
+            Light::Triangle(_) => match self.meet(&ray, rng) {
+                Some(hit) if Some(hit.index) == triangle => {
+                    let there = self.place(&hit);
+                    let pdf = self.lights.triangle_pdf(hit.index, &self.bvh.triangles[hit.index], wi, hit.t);
+                    let emitted = self.transmittance(inside, &there, -wi, hit.t) * there.emission(-wi);
+                    f * emitted * power_heuristic(pdf, scattered) / pdf
+                }
+                _ => DVec3::ZERO,
+            },
+            Light::Local(row) => {
+                ray.t_max = distance - self.offset;
+                let clear = self.absorbed(inside, distance);
+                let open = self.meet(&ray, rng).is_none();
+                if open { f * clear * self.lights.illuminance(row, wi, distance) / probability } else { DVec3::ZERO }
+            }
+            _ if self.meet(&ray, rng).is_some() => DVec3::ZERO,
+            Light::Distant(row) => f * self.lights.distant(row).1 / probability,
+            Light::Map => {
+                let pdf = self.lights.sky_pdf(wi);
+                f * self.lights.sky(wi) * power_heuristic(pdf, scattered) / pdf
+            }
+        }
+    }
+
+    /// The scattered light, but for what [`Self::direct`] has found, by looking where the surface scatters to.
+    fn indirect(&self, path: &Path, place: &Place, point: &ShadingPoint, rng: &mut Rng) -> DVec3 {
+        let u = std::array::from_fn(|_| rng.uniform());
+        let Some((BsdfSample { wi, weight, pdf }, origin)) = point.sample(-path.ray.direction, u) else {
+            return DVec3::ZERO;
+        };
+        // Russian roulette: dim paths end early, and all of them in time.
+        let throughput = path.throughput * weight;
+        let survival = match path.depth {
+            0..4 => 1.0,
+            4..200 => throughput.max_element().min(0.99),
+            _ => throughput.max_element().min(0.9),
+        };
+        if rng.uniform() >= survival {
+            return DVec3::ZERO;
+        }
+        let next = Path {
+            ray: Ray { origin, direction: wi, t_min: self.offset, t_max: f64::INFINITY },
+            arrival: pdf.map_or(Arrival::Delta, Arrival::Scattered),
+            depth: path.depth + 1,
+            inside: point.inside_after(wi, path.inside, place),
+            throughput: throughput / survival,
+        };
+        weight / survival * self.incident(next, rng)
+    }
+
+    /// The nearest surface that is there for this ray: covered, and not a back that is culled.
+    fn meet(&self, ray: &Ray, rng: &mut Rng) -> Option<Hit> {
+        self.bvh.intersect(ray, &mut |hit| self.place(hit).is_met(ray.direction, || rng.uniform()))
+    }
+
+    fn place(&self, hit: &Hit) -> Place<'a> {
+        Place::new(self.scene, &self.bvh.triangles[hit.index], hit)
+    }
+
+    /// What is left, per channel, of light that came from `place` over the distance `t`.
+    fn transmittance(&self, inside: Option<u32>, place: &Place, wo: DVec3, t: f64) -> DVec3 {
+        let found_inside = place.is_back_of_solid(wo).then_some(place.material_row);
+        self.absorbed(inside.or(found_inside), t)
+    }
+
+    /// What is left, per channel, of light after a distance in a solid.
+    fn absorbed(&self, inside: Option<u32>, distance: f64) -> DVec3 {
+        inside.map_or(DVec3::ONE, |row| {
+            let absorption = self.scene.materials.absorption[row as usize].map(f64::from);
+            (-distance * DVec3::from_array(absorption)).exp()
+        })
+    }
+}
+
+/// Where to look for a light.
+#[derive(Clone, Copy)]
+enum Target {
+    At(DVec3),
+    Towards(DVec3),
+}
+
+impl ShadingPoint {
+    /// Start, direction and distance of a ray to `target`: from the lifted point if it reflects.
+    fn leave_for(&self, target: Target) -> Option<(DVec3, DVec3, f64)> {
+        let from = |origin: DVec3| match target {
+            Target::At(q) => (origin, (q - origin).normalize_or_zero(), (q - origin).length()),
+            Target::Towards(wi) => (origin, wi, f64::INFINITY),
+        };
+        let reflected = from(self.p_lifted);
+        if self.local(reflected.1).z > 0.0 {
+            return Some(reflected);
+        }
+        let transmitted = from(self.p);
+        (self.local(transmitted.1).z < 0.0).then_some(transmitted)
+    }
+
+    fn local(&self, w: DVec3) -> DVec3 {
+        self.frame.transpose() * w
+    }
+
+    /// Whether the sides of the geometric and of the shading normal agree, or the ray starts above a facet that stands
+    /// for a smooth surface and will find out itself whether it meets that facet.
+    fn sides_agree(&self, wi: DVec3) -> bool {
+        let lifted = self.p_lifted != self.p;
+        let z = self.local(wi).z;
+        z * self.ng.dot(wi) > 0.0 || (z > 0.0 && lifted)
+    }
+
+    /// BSDF times cosine.
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        if !self.sides_agree(wi) {
+            return DVec3::ZERO;
+        }
+        let wi = self.local(wi);
+        bsdf::eval(&self.surface, self.local(wo), wi) * wi.z.abs()
+    }
+
+    fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        bsdf::pdf(&self.surface, self.local(wo), self.local(wi))
+    }
+
+    /// A direction to look into, in world space, and where its ray starts.
+    fn sample(&self, wo: DVec3, u: [f64; 4]) -> Option<(BsdfSample, DVec3)> {
+        let sample = bsdf::sample(&self.surface, self.local(wo), u)?;
+        let wi = self.frame * sample.wi;
+        let origin = if sample.wi.z > 0.0 { self.p_lifted } else { self.p };
+        self.sides_agree(wi).then_some((BsdfSample { wi, ..sample }, origin))
+    }
+
+    /// The solid that a ray along `wi` is known to be in.
+    fn inside_after(&self, wi: DVec3, before: Option<u32>, place: &Place) -> Option<u32> {
+        let transmitted = self.local(wi).z < 0.0;
+        match (transmitted && place.is_solid(), self.surface.inside) {
+            (false, _) => before,
+            (true, false) => Some(place.material_row),
+            (true, true) => None,
+        }
+    }
+}

@@ -78,7 +78,7 @@ pub enum LoadError {
         reason: String,
     },
     /// The file requires an extension that this renderer does not implement.
-    #[error("{at}: the file requires {name}, which is not supported; export it without")]
+    #[error("{at}: the file requires {}, which is not supported; export it without", one_line(name))]
     RequiredExtension {
         /// The entry of `extensionsRequired`, or the object that cannot do without.
         at: Place,

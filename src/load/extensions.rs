@@ -1,8 +1,10 @@
 //! What is read of each extension, what is ignored, and what is refused.
 
+use std::collections::HashSet;
+
 use super::{
     document::Document,
-    error::{LoadError, Warnings},
+    error::{LoadError, Place, Warnings},
 };
 
 /// What becomes of an extension that a file uses.
@@ -85,7 +87,7 @@ impl Document<'_> {
 /// If the file requires one that is not supported. Texture sources are let
 /// through here: a texture with a plain image does without.
 pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<Vec<ExtensionUse>, LoadError> {
-    let mut uses: Vec<ExtensionUse> = Vec::new();
+    let (mut uses, mut seen) = (Vec::new(), HashSet::new());
     let [required, used] = ["extensionsRequired", "extensionsUsed"].map(|key| document.root.list(key));
     for entry in required? {
         let name = entry.string()?.to_owned();
@@ -94,28 +96,28 @@ pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<
         if !dispensable && status != ExtensionStatus::Read {
             return Err(LoadError::RequiredExtension { at: entry.at, name });
         }
-        add(&mut uses, ExtensionUse { name, required: true, status }, &entry.at, warnings);
+        if seen.insert(name.clone()) {
+            warn(&name, status, &entry.at, warnings);
+            uses.push(ExtensionUse { name, required: true, status });
+        }
     }
     for entry in used? {
         let name = entry.string()?.to_owned();
         let status = status(&name);
-        add(&mut uses, ExtensionUse { name, required: false, status }, &entry.at, warnings);
+        if seen.insert(name.clone()) {
+            warn(&name, status, &entry.at, warnings);
+            uses.push(ExtensionUse { name, required: false, status });
+        }
     }
     Ok(uses)
 }
 
-fn add(uses: &mut Vec<ExtensionUse>, new: ExtensionUse, at: &super::error::Place, warnings: &mut Warnings) {
-    if uses.iter().any(|known| known.name == new.name) {
-        return;
-    }
-    match new.status {
-        ExtensionStatus::Approximated(how) => {
-            warnings.push(at, format!("{} is not supported: {how}", new.name));
-        }
-        ExtensionStatus::Ignored(instead) if !METADATA.contains(&&*new.name) => {
-            warnings.push(at, format!("{} is ignored: {instead}", new.name));
+fn warn(name: &str, status: ExtensionStatus, at: &Place, warnings: &mut Warnings) {
+    match status {
+        ExtensionStatus::Approximated(how) => warnings.push(at, format!("{name} is not supported: {how}")),
+        ExtensionStatus::Ignored(instead) if !METADATA.contains(&name) => {
+            warnings.push(at, format!("{name} is ignored: {instead}"));
         }
         _ => {}
     }
-    uses.push(new);
 }

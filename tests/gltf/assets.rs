@@ -135,9 +135,9 @@ fn nodes_cameras_and_materials_are_as_the_gltf_crate_reads_them() {
     for path in files(&folder, &["gltf", "glb"]) {
         let Ok(loaded) = load(&path, &LoadOptions::default()) else { continue };
         let Some(document) = oracle(&path) else { continue };
-        let scene = document.default_scene().or_else(|| document.scenes().next());
+        let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else { continue };
         let mut nodes = Vec::new();
-        walk_nodes(scene.unwrap().nodes(), &mut nodes);
+        walk_nodes(scene.nodes(), &mut nodes);
         if nodes.iter().all(|node| node.skin().is_none()) {
             check_nodes(&path, &loaded, &nodes, &mut cameras);
             compared += 1;
@@ -145,7 +145,7 @@ fn nodes_cameras_and_materials_are_as_the_gltf_crate_reads_them() {
         materials += check_materials(&path, &loaded, &nodes);
     }
     println!("{compared} hierarchies, {cameras} cameras, {materials} materials compared");
-    assert!(compared > 60 && cameras > 5 && materials > 200, "{compared} {cameras} {materials}");
+    assert!(compared > 70 && cameras > 10 && materials > 500, "{compared} {cameras} {materials}");
 }
 
 #[track_caller]

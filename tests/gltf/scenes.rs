@@ -261,6 +261,8 @@ fn extensions_are_read_ignored_with_a_warning_or_refused() {
 
     file.json["extensionsRequired"] = json!(["KHR_mesh_quantization", "KHR_xmp_json_ld"]);
     assert!(file.load().unwrap().info.extensions[0].required);
+    file.json["extensionsRequired"] = json!(["two\nlines"]);
+    assert!(error_of(file.load()).contains(r"the file requires two\u{a}lines, which"));
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing", "ACME_x"] {
         file.json["extensionsRequired"] = json!(["KHR_texture_transform", name]);
         let message = error_of(file.load());

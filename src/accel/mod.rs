@@ -99,17 +99,17 @@ mod tests {
                 for (instance, &(scale, shift)) in places.iter().enumerate() {
                     let local = Ray::new(origin.map(|x| x / scale - shift / scale), direction.map(|x| x / scale));
                     for (triangle, corners) in triangles.iter().enumerate() {
-                        if let Some(hit) = intersect(&local, corners, f32::INFINITY) {
-                            if hit.t < want.t {
-                                want = Hit {
-                                    t: hit.t,
-                                    instance: instance as u32,
-                                    triangle: triangle as u32,
-                                    b1: hit.b1,
-                                    b2: hit.b2,
-                                    back: hit.back,
-                                };
-                            }
+                        if let Some(hit) = intersect(&local, corners, f32::INFINITY)
+                            && hit.t < want.t
+                        {
+                            want = Hit {
+                                t: hit.t,
+                                instance: instance as u32,
+                                triangle: triangle as u32,
+                                b1: hit.b1,
+                                b2: hit.b2,
+                                back: hit.back,
+                            };
                         }
                     }
                 }

@@ -123,8 +123,8 @@ pub fn sample<F: Real>(
     let mut pdf = F::zero();
     let mut valid = mask(kinds.distant | kinds.sky) & pmf.gt(F::zero());
     if (kinds.triangle | kinds.local) != 0 {
-        // Rays to the front start at the lifted point, those through the surface at the point itself.
-        let in_front = (target - surface.p).dot(surface.ng).gt(F::zero());
+        // Reflected rays start at the lifted point, those through the surface at the point itself.
+        let in_front = (target - surface.lifted).dot(surface.frame.n).gt(F::zero());
         let from = V3::select(in_front, surface.lifted, surface.p);
         let to_light = target - from;
         let distance2 = to_light.length_squared();

@@ -116,7 +116,7 @@ pub fn show_unlit(
 
 /// Adds `light · weight` along the path in row `i`.
 #[inline]
-pub(super) fn add(tally: &mut Tally, paths: &PathQueue, i: usize, light: [f32; 3], weight: f32) {
+fn add(tally: &mut Tally, paths: &PathQueue, i: usize, light: [f32; 3], weight: f32) {
     let throughput = [paths.throughput_r[i], paths.throughput_g[i], paths.throughput_b[i]];
     tally.add(paths.slot[i], paths.sample[i], std::array::from_fn(|c| throughput[c] * light[c] * weight));
 }

@@ -174,7 +174,7 @@ impl Worker {
             if let Some(environment) = &scene.lights.environment {
                 let rows = order.run(sort::MISS);
                 if !rows.is_empty() {
-                    counters.time(Stage::Sky, rows.len(), |counters| {
+                    counters.time_blocks(Stage::Sky, rows.len(), |counters| {
                         sky::sky(scene, environment, rows, settings.transparent, paths, &mut tally);
                         if scene.needs.has(SceneNeeds::ENVIRONMENT_MAP) {
                             counters.environment_lookups += rows.len() as u64;

@@ -79,8 +79,8 @@ fn trace<C: Coverage>(
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
             {
-                let (radiance, weight) = sky::seen(scene, environment, direction, pdf);
-                tally.add(slot, sample, (throughput * V3::from_array(radiance) * weight).lane(0));
+                let light = sky::seen(scene, environment, V3::from_array(direction), pdf);
+                tally.add(slot, sample, (throughput * light).lane(0));
             }
             return;
         }

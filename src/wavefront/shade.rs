@@ -120,17 +120,14 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         let light =
             direct::sample(scene, &surface, lit.bits(), u_choice, pair(dimensions::LIGHT), &mut counters.light_lookups);
         let wi = surface.frame.to_local(light.wi);
-        let side = light.wi.dot(surface.ng);
-        let above = side.gt(zero) & wi.z.gt(zero);
-        let below = side.lt(zero) & wi.z.lt(zero);
+        let (above, below) = surface.sides(light.wi, wi);
         let sides = if transmissive { above | below } else { above };
         let reached = lit & light.valid & sides;
         if reached.any() {
             let (f, pdf) = B::eval(&prepared, wi);
             let weight = F::select(light.pdf.gt(zero), mis::power(light.pdf, pdf), F::one());
             let mut carried = at.throughput * f * light.light * weight;
-            let start = V3::select(above, surface.lifted, surface.p);
-            let origin = surface::leave(start, surface.error, surface.ng, light.wi);
+            let origin = surface.leave(above);
             let direction = V3::select(light.near, light.target - origin, light.target);
             if settings.absorbs {
                 let reach = light.near.bits();
@@ -157,22 +154,17 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
 
     let drawn = B::sample(&prepared, u_lobe, pair(dimensions::DIRECTION));
     let wi = surface.frame.to_world(drawn.wi);
-    let side = wi.dot(surface.ng);
-    let agrees = if transmissive {
-        (side.gt(zero) & !drawn.transmitted) | (side.lt(zero) & drawn.transmitted)
-    } else {
-        side.gt(zero)
-    };
+    let (above, below) = surface.sides(wi, drawn.wi);
+    let agrees = if transmissive { (above & !drawn.transmitted) | (below & drawn.transmitted) } else { above };
     let throughput = at.throughput * drawn.weight;
     let goes_on = active & drawn.valid & agrees & throughput.max_element().gt(zero);
-    let start = V3::select(side.gt(zero), surface.lifted, surface.p);
     let transmitted = if transmissive { drawn.transmitted.bits() } else { 0 };
     let mut medium = at.medium;
     if settings.absorbs {
         (0..F::LANES).for_each(|lane| medium[lane] = behind(lane, transmitted));
     }
     let departure = Departure {
-        origin: surface::leave(start, surface.error, surface.ng, wi),
+        origin: surface.leave(above),
         direction: wi,
         throughput,
         pdf: drawn.pdf,

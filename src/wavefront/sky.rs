@@ -1,24 +1,28 @@
 //! Adds the light of the environment for paths that met nothing.
 
-use super::{emit::add, queues::PathQueue, tally::Tally};
+use wide::f32x8;
+
+use super::{queues::PathQueue, tally::Tally};
 use crate::{
     flat::{EnvironmentLight, FlatScene},
     sampling::mis,
+    simd::{LANES, Real, Rgb, V3},
 };
 
-/// Radiance of the sky along a ray that left with density `pdf`, weighted against light sampling.
-#[inline]
-pub fn seen(scene: &FlatScene, sky: &EnvironmentLight, direction: [f32; 3], pdf: f32) -> ([f32; 3], f32) {
+/// Radiance of the sky along rays that left with density `pdf` (0: no light sample competes), weighted against
+/// light sampling.
+#[inline(always)]
+pub fn seen<F: Real>(scene: &FlatScene, sky: &EnvironmentLight, direction: V3<F>, pdf: F) -> Rgb<F> {
     match sky {
-        EnvironmentLight::Constant(radiance) => (*radiance, 1.0),
+        EnvironmentLight::Constant(radiance) => V3::from_array(*radiance),
         EnvironmentLight::Map(map) => {
             let (radiance, density) = map.look_up(direction);
             let choice = &scene.lights.choice;
-            if pdf == 0.0 || choice.is_empty() {
-                (radiance, 1.0)
-            } else {
-                (radiance, mis::power(pdf, density * choice.pmf(scene.lights.environment_row())))
+            if choice.is_empty() {
+                return radiance;
             }
+            let drawn = density * F::splat(choice.pmf(scene.lights.environment_row()));
+            radiance * F::select(pdf.eq(F::zero()), F::one(), mis::power(pdf, drawn))
         }
     }
 }
@@ -32,13 +36,16 @@ pub fn sky(
     paths: &PathQueue,
     tally: &mut Tally,
 ) {
-    for &row in rows {
-        let i = row as usize;
-        if hidden && paths.depth[i] == 0 {
-            continue;
+    for rows in rows.chunks(LANES) {
+        let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
+        let column = |column: &[f32]| f32x8::new(index.map(|i| column[i]));
+        let direction = V3::new(column(&paths.dx), column(&paths.dy), column(&paths.dz));
+        let throughput = V3::new(column(&paths.throughput_r), column(&paths.throughput_g), column(&paths.throughput_b));
+        let light = seen(scene, sky, direction, column(&paths.pdf)) * throughput;
+        for (lane, &i) in index.iter().enumerate().take(rows.len()) {
+            if !(hidden && paths.depth[i] == 0) {
+                tally.add(paths.slot[i], paths.sample[i], light.lane(lane));
+            }
         }
-        let direction = [paths.dx[i], paths.dy[i], paths.dz[i]];
-        let (radiance, weight) = seen(scene, sky, direction, paths.pdf[i]);
-        add(tally, paths, i, radiance, weight);
     }
 }

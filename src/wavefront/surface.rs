@@ -41,8 +41,10 @@ pub struct Surface<F: Real> {
     pub p: V3<F>,
     /// Bound on its rounding error along each axis, and on that of rays that start there, m.
     pub error: V3<F>,
-    /// Where rays start that stay on this side: lifted to the smooth surface.
+    /// Where rays start that are reflected: lifted to the smooth surface.
     pub lifted: V3<F>,
+    /// `lifted` is off the facet by more than rounding, so that rays may start below the facet's plane.
+    pub is_lifted: F::Mask,
     /// Geometric normal on the side of `wo`.
     pub ng: V3<F>,
     /// Shading frame on the side of `wo`.
@@ -259,15 +261,19 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     wo_local.z = wo_local.z.max(F::splat(1e-6));
 
     let mut lifted = p;
+    let mut is_lifted = F::Mask::splat(false);
     if terminator_fix && f.any_normals {
         // Hanika 2021, "Hacking the Shadow Terminator".
         let lift = |i: usize| {
             let n = flip::<F>(hits.back, world_normals[i]);
-            n * (world_corners[i] - p).dot(n).max(F::zero())
+            let height = (world_corners[i] - p).dot(n).max(F::zero());
+            n * height.masked(n.dot(ng).gt(F::zero()))
         };
-        lifted = p + weigh(lift(0), lift(1), lift(2));
+        let lift = weigh(lift(0), lift(1), lift(2));
+        lifted = p + lift;
+        is_lifted = lift.dot(ng).gt(ng.abs().dot(error) * F::splat(4.0));
     }
-    Surface { p, error, lifted, ng, frame, wo, wo_local, params }
+    Surface { p, error, lifted, is_lifted, ng, frame, wo, wo_local, params }
 }
 
 #[inline(always)]
@@ -390,11 +396,25 @@ fn textured<F: Real>(
     true
 }
 
-/// Where a ray in direction `w` leaves a surface point, off it by more than the point's error.
-///
-/// Pharr, Jakob, Humphreys 2023, section 6.8.6.
-#[inline(always)]
-pub fn leave<F: Real>(p: V3<F>, error: V3<F>, ng: V3<F>, w: V3<F>) -> V3<F> {
-    let distance = ng.abs().dot(error);
-    ng.scale_add(distance.copysign(w.dot(ng)), p)
+impl<F: Real> Surface<F> {
+    /// Lanes in which a direction is one of reflection, and lanes in which it is one of transmission; `wi_local` is
+    /// the direction in the shading frame.
+    ///
+    /// Both normals must agree on the side, but from a lifted start the shading normal alone decides about reflection.
+    #[inline(always)]
+    pub fn sides(&self, wi: V3<F>, wi_local: V3<F>) -> (F::Mask, F::Mask) {
+        let (height, zero) = (wi.dot(self.ng), F::zero());
+        let above = wi_local.z.gt(zero) & (height.gt(zero) | self.is_lifted);
+        let below = wi_local.z.lt(zero) & height.lt(zero);
+        (above, below)
+    }
+
+    /// Where a ray leaves the surface: on the side of `wo` if `reflected`, else beyond, and off it by more than the
+    /// point's error (Pharr, Jakob, Humphreys 2023, section 6.8.6).
+    #[inline(always)]
+    pub fn leave(&self, reflected: F::Mask) -> V3<F> {
+        let distance = self.ng.abs().dot(self.error);
+        let start = V3::select(reflected, self.lifted, self.p);
+        self.ng.scale_add(F::select(reflected, distance, -distance), start)
+    }
 }

@@ -1,6 +1,9 @@
 //! What several kinds of evidence build their scenes from.
 
-use std::{path::{Path, PathBuf}, sync::Arc};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use glam::{DVec3, Vec3};
 use wavecast::{

@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 use wavecast::{
     render::Renderer,
     world::{
-        Camera, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent, PointLight, Scene,
-        SceneKey, TriMesh, Visibility, units::Candela,
+        Camera, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent, PointLight,
+        Scene, SceneKey, TriMesh, Visibility, units::Candela,
     },
 };
 

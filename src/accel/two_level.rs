@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     Coverage,
-    bvh2::{Bvh2, Quality, bounds_of},
+    bvh2::{Bvh2, Quality, Stack, bounds_of},
     triangle::{self, Ray},
 };
 use crate::flat::NONE;
@@ -89,6 +89,13 @@ pub struct InstanceRef {
     pub check: bool,
 }
 
+/// Scratch of a traversal: a stack for the top level and one for meshes.
+#[derive(Clone, Debug, Default)]
+pub struct Stacks {
+    top: Stack,
+    mesh: Stack,
+}
+
 /// Rays against the whole scene.
 #[derive(Clone, Debug, Default)]
 pub struct Accel {
@@ -156,16 +163,17 @@ impl Accel {
         t_max: f32,
         ray_id: u32,
         coverage: &C,
+        Stacks { top, mesh }: &mut Stacks,
     ) -> Hit {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         if let [only] = self.instances.as_slice() {
-            nearest_in(only, 0, &ray, &mut t_max, &mut best, ray_id, coverage);
+            nearest_in(only, 0, &ray, &mut t_max, &mut best, ray_id, coverage, mesh);
         } else {
-            self.tree.walk(&ray, &mut t_max, |first, count, t_max| {
+            self.tree.walk(&ray, &mut t_max, top, |first, count, t_max| {
                 for &row in &self.tree.order[first..first + count] {
-                    nearest_in(&self.instances[row as usize], row, &ray, t_max, &mut best, ray_id, coverage);
+                    nearest_in(&self.instances[row as usize], row, &ray, t_max, &mut best, ray_id, coverage, mesh);
                 }
                 false
             });
@@ -182,17 +190,18 @@ impl Accel {
         t_max: f32,
         ray_id: u32,
         coverage: &C,
+        Stacks { top, mesh }: &mut Stacks,
     ) -> bool {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         if let [only] = self.instances.as_slice() {
-            return occluded_in(only, 0, &ray, t_max, ray_id, coverage);
+            return occluded_in(only, 0, &ray, t_max, ray_id, coverage, mesh);
         }
         let mut found = false;
-        self.tree.walk(&ray, &mut t_max, |first, count, t_max| {
+        self.tree.walk(&ray, &mut t_max, top, |first, count, t_max| {
             found = self.tree.order[first..first + count]
                 .iter()
-                .any(|&row| occluded_in(&self.instances[row as usize], row, &ray, *t_max, ray_id, coverage));
+                .any(|&row| occluded_in(&self.instances[row as usize], row, &ray, *t_max, ray_id, coverage, mesh));
             found
         });
         found
@@ -218,10 +227,11 @@ fn nearest_in<C: Coverage>(
     best: &mut Hit,
     ray_id: u32,
     coverage: &C,
+    stack: &mut Stack,
 ) {
     let local = to_local(instance, ray);
     let blas = &*instance.blas;
-    blas.tree.walk(&local, t_max, |first, count, t_max| {
+    blas.tree.walk(&local, t_max, stack, |first, count, t_max| {
         for leaf in &blas.triangles[first..first + count] {
             if let Some(hit) = triangle::intersect(&local, &leaf.corners, *t_max) {
                 let found = Hit { t: hit.t, instance: row, triangle: leaf.row, b1: hit.b1, b2: hit.b2, back: hit.back };
@@ -244,12 +254,13 @@ fn occluded_in<C: Coverage>(
     t_max: f32,
     ray_id: u32,
     coverage: &C,
+    stack: &mut Stack,
 ) -> bool {
     let local = to_local(instance, ray);
     let blas = &*instance.blas;
     let mut found = false;
     let mut t_end = t_max;
-    blas.tree.walk(&local, &mut t_end, |first, count, t_end| {
+    blas.tree.walk(&local, &mut t_end, stack, |first, count, t_end| {
         found = blas.triangles[first..first + count].iter().any(|leaf| {
             triangle::intersect(&local, &leaf.corners, *t_end).is_some_and(|hit| {
                 C::TRIVIAL || !instance.check || {

@@ -5,13 +5,13 @@
 //! back, no coverage) is decided by a [`Coverage`], a type that compiles to nothing
 //! for scenes that are solid throughout.
 
-mod bvh2;
+mod bvh8;
 mod triangle;
 mod two_level;
 
 pub use self::{
-    bvh2::{Bvh2, Quality},
-    triangle::{Ray, TriangleHit, intersect},
+    bvh8::{Bvh8, Quality},
+    triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
 };
 

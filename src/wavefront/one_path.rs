@@ -5,7 +5,7 @@
 
 use super::{
     Job, Worker, absorb,
-    bounce::{ROULETTE_FROM, survival},
+    bounce::{ROULETTE_FROM, most_survivors, survival},
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
     emit, parts_of, schedule,
@@ -142,7 +142,7 @@ fn trace<C: Coverage>(
         if depth + 1 >= ROULETTE_FROM {
             let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
             let u: f32 = sampler.one(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
-            let q = survival(throughput.max_element(), eta_scale, |_| depth + 1);
+            let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
             if u >= q {
                 return;
             }

@@ -183,7 +183,12 @@ impl Bvh8 {
         mut leaf: impl FnMut(usize, usize, &mut f32) -> bool,
     ) {
         let Some(mut current) = self.root else { return };
-        let negative = ray.inverse.map(|inverse| usize::from(inverse < 0.0));
+        if current & LEAF != 0 {
+            // A mesh of a few triangles has no node to set up for.
+            let (first, count) = leaf_range(current);
+            leaf(first, count, t_max);
+            return;
+        }
         let origin = ray.origin.map(f32x8::splat);
         let inverse = ray.inverse.map(f32x8::splat);
         let mut top = 0;
@@ -195,7 +200,7 @@ impl Bvh8 {
                 }
             } else {
                 let node = &self.nodes[current as usize];
-                let (near, hits) = node.meet(&origin, &inverse, negative, *t_max);
+                let (near, hits) = node.meet(&origin, &inverse, ray.negative, *t_max);
                 let near = near.to_array();
                 if top + LANES > stack.len() {
                     stack.resize(2 * stack.len(), Entry::default());

@@ -16,6 +16,8 @@ pub struct Ray {
     pub direction: [f32; 3],
     /// One over each component of the direction; infinite where that is zero.
     pub inverse: [f32; 3],
+    /// 1 for each component that runs towards smaller coordinates, else 0.
+    pub negative: [usize; 3],
     axes: [usize; 3],
     shear: [f32; 3],
 }
@@ -38,7 +40,8 @@ impl Ray {
         }
         let inverse = direction.map(|d| 1.0 / d);
         let shear = [direction[kx] * inverse[kz], direction[ky] * inverse[kz], inverse[kz]];
-        Self { origin, direction, inverse, axes: [kx, ky, kz], shear }
+        let negative = inverse.map(|inverse| usize::from(inverse < 0.0));
+        Self { origin, direction, inverse, negative, axes: [kx, ky, kz], shear }
     }
 }
 

@@ -205,14 +205,17 @@ impl Accel {
     }
 }
 
-/// The ray as the instance's mesh sees it.
+/// Calls `look` with the ray as the instance's mesh sees it.
 #[inline(always)]
-fn to_local(instance: &InstanceRef, ray: &Ray) -> Ray {
-    if instance.identity {
-        return *ray;
-    }
-    let m = &instance.local_from_world;
-    Ray::new(transform_point(m, ray.origin), transform_vector(m, ray.direction))
+fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) -> T {
+    let local;
+    look(if instance.identity {
+        ray
+    } else {
+        let m = &instance.local_from_world;
+        local = Ray::new(transform_point(m, ray.origin), transform_vector(m, ray.direction));
+        &local
+    })
 }
 
 #[inline(always)]
@@ -226,24 +229,25 @@ fn nearest_in<C: Coverage>(
     coverage: &C,
     stack: &mut Stack,
 ) {
-    let local = to_local(instance, ray);
     let blas = &*instance.blas;
-    blas.tree.walk::<true>(&local, t_max, stack, |block, _, t_max| {
-        let block = &blas.blocks[block];
-        let met = block.intersect(&local, *t_max);
-        let mut lanes = met.hits;
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize & (LANES - 1);
-            lanes &= lanes - 1;
-            let found = hit_of(&met, block, row, lane);
-            let nearer =
-                found.t < best.t || found.t == best.t && (row, found.triangle) < (best.instance, best.triangle);
-            if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
-                *best = found;
-                *t_max = found.t;
+    in_local(instance, ray, |local| {
+        blas.tree.walk::<true>(local, t_max, stack, |block, _, t_max| {
+            let block = &blas.blocks[block];
+            let met = block.intersect(local, *t_max);
+            let mut lanes = met.hits;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+                lanes &= lanes - 1;
+                let found = hit_of(&met, block, row, lane);
+                let nearer =
+                    found.t < best.t || found.t == best.t && (row, found.triangle) < (best.instance, best.triangle);
+                if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
+                    *best = found;
+                    *t_max = found.t;
+                }
             }
-        }
-        false
+            false
+        })
     });
 }
 
@@ -269,19 +273,21 @@ fn occluded_in<C: Coverage>(
     coverage: &C,
     stack: &mut Stack,
 ) -> bool {
-    let local = to_local(instance, ray);
     let blas = &*instance.blas;
     let mut found = false;
     let mut t_end = t_max;
-    blas.tree.walk::<false>(&local, &mut t_end, stack, |block, _, t_end| {
-        let block = &blas.blocks[block];
-        let met = block.intersect(&local, *t_end);
-        found = met.hits != 0
-            && (C::TRIVIAL
-                || !instance.check
-                || (0..LANES)
-                    .any(|lane| met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, row, lane))));
-        found
+    in_local(instance, ray, |local| {
+        blas.tree.walk::<false>(local, &mut t_end, stack, |block, _, t_end| {
+            let block = &blas.blocks[block];
+            let met = block.intersect(local, *t_end);
+            found = met.hits != 0
+                && (C::TRIVIAL
+                    || !instance.check
+                    || (0..LANES).any(|lane| {
+                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, row, lane))
+                    }));
+            found
+        })
     });
     found
 }

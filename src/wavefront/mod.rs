@@ -68,6 +68,8 @@ pub struct Settings {
     pub absorbs: bool,
     /// Some surface does not stop every ray.
     pub partial_coverage: bool,
+    /// Some surface stops rays at random, so that rays need names.
+    pub blends: bool,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
 }
@@ -95,6 +97,7 @@ impl<'a> Job<'a> {
                 transparent: settings.transparent,
                 sample_lights: !scene.lights.choice.is_empty(),
                 absorbs: needs.has(SceneNeeds::VOLUMES),
+                blends: needs.has(SceneNeeds::ALPHA),
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
                 layers: settings.layers.clone(),
             },
@@ -158,7 +161,7 @@ impl Worker {
                 break;
             }
             counters.time(Stage::Intersect, paths.len(), |_| {
-                intersect::intersect(&scene.accel, paths, coverage, hits);
+                intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
             });
             counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, order));
             if settings.absorbs {

@@ -68,6 +68,7 @@ fn trace<C: Coverage>(
     let Job { scene, settings, lens, filter, sampler, .. } = job;
     let pixel_hash = sampler.pixel_hash(x, y);
     let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
+    let name = |depth, kind| if settings.blends { ray_id(pixel_hash, sample, depth, kind) } else { 0 };
     let u = pair(Integer::splat(dimensions::FILTER));
     let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
     let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);
@@ -75,7 +76,7 @@ fn trace<C: Coverage>(
     let (mut pdf, mut eta_scale, mut medium) = (0.0, 1.0, NONE);
     counters.rays.camera += 1;
     for depth in 0.. {
-        let hit = scene.accel.nearest(origin, direction, t_max, ray_id(pixel_hash, sample, depth, 0), coverage, stacks);
+        let hit = scene.accel.nearest(origin, direction, t_max, name(depth, 0), coverage, stacks);
         if hit.instance == NONE {
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
@@ -129,7 +130,7 @@ fn trace<C: Coverage>(
         if connection.lanes != 0 {
             counters.rays.shadow += 1;
             let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
-            let id = ray_id(pixel_hash, sample, depth, 1);
+            let id = name(depth, 1);
             if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage, stacks) {
                 tally.add(slot, sample, connection.light.lane(0));
             }

@@ -230,14 +230,14 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
             continue;
         }
         let (connection, departure) = scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, counters);
-        push_connections(&at, &connection, shadows, settings.partial_coverage);
+        push_connections(&at, &connection, shadows, settings.blends);
         push_departures(&at, &departure, next);
     }
     debug_assert!(scene.needs.has(SceneNeeds::TEXTURES) || scene.needs.has(SceneNeeds::VERTEX_COLORS) || !TEXTURED);
 }
 
 #[inline(always)]
-fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut ShadowQueue, partial_coverage: bool) {
+fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut ShadowQueue, blends: bool) {
     let [ox, oy, oz] = [c.origin.x, c.origin.y, c.origin.z].map(f32x8::to_array);
     let [dx, dy, dz] = [c.direction.x, c.direction.y, c.direction.z].map(f32x8::to_array);
     let [r, g, b] = [c.light.x, c.light.y, c.light.z].map(f32x8::to_array);
@@ -246,7 +246,7 @@ fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut Sh
     while lanes != 0 {
         let i = lanes.trailing_zeros() as usize;
         lanes &= lanes - 1;
-        let id = if partial_coverage { ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1) } else { 0 };
+        let id = if blends { ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1) } else { 0 };
         shadows.push(Shadow {
             origin: [ox[i], oy[i], oz[i]],
             direction: [dx[i], dy[i], dz[i]],

@@ -58,11 +58,22 @@ pub struct TriangleHit {
     pub back: bool,
 }
 
+/// False where the corners lie on a line, or so nearly that the normal is lost to rounding.
+///
+/// The test below sees sheared corners, whose rounding can give such a triangle an area.
+pub(super) fn has_area([a, b, c]: &[[f32; 3]; 3]) -> bool {
+    let edge = |to: &[f32; 3]| -> [f32; 3] { std::array::from_fn(|axis| to[axis] - a[axis]) };
+    let (e, f) = (edge(b), edge(c));
+    (0..3).any(|axis| {
+        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+        e[j] * f[k] - e[k] * f[j] != 0.0
+    })
+}
+
 /// The watertight test: a ray through a shared edge or vertex hits at least one of its triangles.
 ///
 /// Edge functions are products rounded on their own (no fused multiply-add), so that both
-/// triangles of an edge see the same number with opposite sign; zero counts as inside. A
-/// triangle without area is never hit. Returns hits with 0 < t ≤ `t_max`.
+/// triangles of an edge see the same number with opposite sign; zero counts as inside. Returns hits with 0 < t ≤ `t_max`.
 ///
 /// Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection".
 #[inline(always)]
@@ -233,7 +244,24 @@ mod tests {
         let line = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
         let point = [[0.5, 0.0, 0.0]; 3];
         for corners in [line, point] {
+            assert!(!has_area(&corners));
             assert_eq!(intersect(&Ray::new([0.5, 0.0, 1.0], [0.0, 0.0, -1.0]), &corners, 10.0), None);
         }
+    }
+
+    /// A line askew to the ray has an area once its corners are sheared and rounded: [`has_area`] must tell.
+    #[test]
+    fn the_test_alone_cannot_tell_a_line_askew() {
+        let line = [[0.1, 0.7, 0.3], [0.35, 0.95, 0.55], [0.85, 1.45, 1.05]];
+        assert!(!has_area(&line) && has_area(&CORNERS));
+        let mut hit = 0;
+        for i in 0..10_000 {
+            let at = |i: i32| (i % 100) as f32 * 0.01;
+            let target: [f32; 3] = std::array::from_fn(|axis| line[0][axis] + at(i) * (line[2][axis] - line[0][axis]));
+            let origin = [3.0 + at(i / 100), -0.2, 0.1 + at(i)];
+            let ray = Ray::new(origin, std::array::from_fn(|axis| target[axis] - origin[axis]));
+            hit += u32::from(intersect(&ray, &line, f32::INFINITY).is_some());
+        }
+        assert!(hit > 0, "then has_area is not needed");
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     Coverage,
     bvh8::{Bvh8, Quality, Stack, bounds_of},
-    triangle::{BlockHit, Ray, TriangleBlock},
+    triangle::{BlockHit, Ray, TriangleBlock, has_area},
 };
 use crate::{flat::NONE, simd::LANES};
 
@@ -28,9 +28,10 @@ impl Default for Blas {
 }
 
 impl Blas {
-    /// Over triangles given by their corners, which must be finite.
+    /// Over triangles given by their corners, which must be finite. Those without area are left out.
     pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        let boxes: Vec<Aabb> = triangles.par_iter().map(|&corners| bounds_of(corners)).collect();
+        let bounds_of = |corners| if has_area(corners) { bounds_of(*corners) } else { Aabb::empty() };
+        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
         let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
         let mut tree = Bvh8::build(&boxes, Quality::Good);
         let order = std::mem::take(&mut tree.order);

@@ -234,9 +234,13 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
     // The last addition of an offset rounds once more.
     error = p.abs().scale_add(F::splat(2.0 * UNIT_ROUNDOFF), error);
-    ng = ng.normalize();
-    let ng_front = ng;
-    ng = flip::<F>(hits.back, ng);
+    // Edges may be so short that squares of their product vanish; what is left of a normal then faces the ray.
+    ng = ng * (F::one() / ng.abs().max_element().max(F::splat(f32::MIN_POSITIVE)));
+    let length2 = ng.length_squared();
+    let has_normal = length2.gt(F::splat(0.25));
+    ng = ng * (F::one() / F::select(has_normal, length2, F::one()).sqrt());
+    let ng_front = V3::select(has_normal, ng, flip::<F>(hits.back, wo));
+    ng = flip::<F>(hits.back, ng_front);
 
     let mut ns = ng;
     let mut unflipped = ng_front;

@@ -119,7 +119,8 @@
 //! # What differs from the architecture as first drawn
 //!
 //! - `load` reads glTF with its own checked code; the `gltf` crate lends constants, and tests compare the two.
-//! - Accelerators so far: a BVH of two children per node, built by obvhs, for meshes and for instances.
+//! - Accelerators so far: trees of eight boxes to a node, collapsed from binary trees that obvhs builds, for
+//!   meshes and for instances.
 //! - Emission and light sampling of surfaces and punctual lights are kernels of the wavefront (`direct`,
 //!   `emit`), because they read its queues; [`light`] holds the environment, which needs tables of its own.
 //! - A wave is topped up with camera rays as its paths end, so that blocks stay full. Sums are exact,

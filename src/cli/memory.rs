@@ -7,7 +7,7 @@ use wavecast::flat::{
     Materials, TextureSlots,
 };
 
-/// Bytes by table, in the order of [`FlatScene`]; trees over the geometry are not counted.
+/// Bytes by table, in the order of [`FlatScene`].
 pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {
     let images = scene.textures.images.iter().map(|image| match &image.texels {
         ImageTexels::Rgba8(texels) => size_of_val(&texels[..]),
@@ -40,6 +40,8 @@ pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {
                 + lights.distant.len() * DistantLights::ROW_BYTES,
         ),
         ("environment", environment),
+        ("trees of meshes", scene.meshes.iter().map(|mesh| mesh.blas.bytes()).sum()),
+        ("tree of instances", scene.accel.bytes()),
     ]
 }
 

@@ -68,13 +68,13 @@ enum Outcome {
 #[inline(never)]
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
+    let mut console = Console::new(cli.common.quiet, cli.common.json);
     if cfg!(all(target_arch = "x86_64", not(target_feature = "avx2"))) {
-        eprintln!(
-            "warning: this build is slow: it was compiled without AVX2, most likely because RUSTFLAGS replaced the \
-             setting in .cargo/config.toml; add -C target-cpu=x86-64-v3 to it"
+        console.warn(
+            "this build is slow: it was compiled without AVX2, most likely because RUSTFLAGS replaced the setting in \
+             .cargo/config.toml; add -C target-cpu=x86-64-v3 to it",
         );
     }
-    let mut console = Console::new(cli.common.quiet, cli.common.json);
     let ended = start(&cli.common).and_then(|()| match cli.command {
         Command::Render(args) => render::run(*args, &cli.common, &mut console),
         Command::Info(args) => info::run(&args, &mut console),

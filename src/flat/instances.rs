@@ -5,7 +5,7 @@ use crate::soa;
 soa! {
     /// Meshes in the world, in order of their entities' keys.
     ///
-    /// A 3×4 matrix is stored by rows: x' = m[0]·x + m[1]·y + m[2]·z + m[3].
+    /// A 3×4 matrix is stored by rows: `x' = m[0]·x + m[1]·y + m[2]·z + m[3]`.
     pub struct Instances of Instance {
         /// Row of the mesh.
         mesh: u32,

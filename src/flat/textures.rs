@@ -52,7 +52,7 @@ soa! {
         srgb: u8,
         /// Which set of texture coordinates.
         tex_coord: u32,
-        /// u' = m[0]·u + m[1]·v + m[2]; v' = m[3]·u + m[4]·v + m[5].
+        /// `u' = m[0]·u + m[1]·v + m[2]; v' = m[3]·u + m[4]·v + m[5]`.
         transform: [f32; 6],
     }
 }

@@ -6,14 +6,24 @@
 //! all else is rebuilt whole, in the order of keys, so that the tables do not depend on
 //! the edits that led to them.
 
-mod camera;
-mod geometry;
-mod instances;
-mod lights;
-mod materials;
-mod needs;
-mod textures;
+// In the order they run; blank lines keep the formatter from sorting them.
 mod transforms;
+
+mod geometry;
+
+mod textures;
+
+mod materials;
+
+mod instances;
+
+mod lights;
+
+mod camera;
+
+mod needs;
+
+// What tells them that they must.
 mod watch;
 
 use std::{collections::HashMap, sync::Arc};

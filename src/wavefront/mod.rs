@@ -12,22 +12,34 @@
 //! into a core's L2 cache. A wave is topped up with camera rays as its paths end, so that
 //! blocks stay full; since light is added up exactly, that changes no bit.
 
+// Stages, in the order they run; blank lines keep the formatter from sorting them.
+mod generate;
+
+mod intersect;
+
+mod sort;
+
 mod absorb;
-mod bounce;
+
+mod layers;
+
+mod sky;
+
+mod emit;
+
+mod shade;
+
 mod connect;
+
+mod bounce;
+
+// What stages call and what calls them.
 mod coverage;
 mod dimensions;
 mod direct;
-mod emit;
-mod generate;
-mod intersect;
-mod layers;
 mod one_path;
 mod queues;
 mod schedule;
-mod shade;
-mod sky;
-mod sort;
 mod stats;
 mod surface;
 mod tally;

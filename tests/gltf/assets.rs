@@ -13,14 +13,11 @@ use wavecast::{
     world::{Camera, Geometry, LocalTransform, Material, Name, Projection},
 };
 
+use crate::common::asset;
+
 /// The pack's folder, or a word about skipping.
 fn pack() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/assets");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("SKIPPED: there is no asset pack at {}", folder.display());
-    None
+    asset(".")
 }
 
 fn walk(folder: &Path, extensions: &[&str], found: &mut Vec<PathBuf>) {

@@ -5,14 +5,14 @@
 //! back, no coverage) is decided by a [`Coverage`], a type that compiles to nothing
 //! for scenes that are solid throughout.
 
-mod bvh2;
+mod bvh8;
 mod triangle;
 mod two_level;
 
 pub use self::{
-    bvh2::{Bvh2, Quality},
-    triangle::{Ray, TriangleHit, intersect},
-    two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT},
+    bvh8::{Bvh8, Quality},
+    triangle::{Ray, TriangleBlock, TriangleHit, intersect},
+    two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
 };
 
 /// Decides whether a surface is there for a ray that meets it.
@@ -113,10 +113,10 @@ mod tests {
                         }
                     }
                 }
-                let got = accel.nearest(origin, direction, f32::INFINITY, id, &Solid);
+                let got = accel.nearest(origin, direction, f32::INFINITY, id, &Solid, &mut Stacks::default());
                 assert_eq!((got.instance, got.triangle), (want.instance, want.triangle), "ray {id}");
                 assert!((got.t - want.t).abs() <= 1e-5 * want.t || got.t == want.t);
-                let occluded = |t_max| accel.occluded(origin, direction, t_max, id, &Solid);
+                let occluded = |t_max| accel.occluded(origin, direction, t_max, id, &Solid, &mut Stacks::default());
                 assert_eq!(occluded(f32::INFINITY), want.t < f32::INFINITY);
                 if want.t < f32::INFINITY {
                     hits += 1;
@@ -133,14 +133,14 @@ mod tests {
         let triangle = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
         let blas = Arc::new(Blas::build(&[triangle; 9]));
         let accel = Accel::build(vec![placed(&blas, 1.0, 0.0), placed(&blas, 1.0, 0.0)]);
-        let hit = accel.nearest([0.0, 0.0, 3.0], [0.0, 0.0, -1.0], f32::INFINITY, 0, &Solid);
+        let hit = accel.nearest([0.0, 0.0, 3.0], [0.0, 0.0, -1.0], f32::INFINITY, 0, &Solid, &mut Stacks::default());
         assert_eq!((hit.instance, hit.triangle, hit.t), (0, 0, 3.0));
     }
 
     #[test]
     fn nothing_is_hit_in_an_empty_world() {
         let accel = Accel::build(Vec::new());
-        assert_eq!(accel.nearest([0.0; 3], [0.0, 0.0, 1.0], 1.0, 0, &Solid), NO_HIT);
-        assert!(!accel.occluded([0.0; 3], [0.0, 0.0, 1.0], 1.0, 0, &Solid));
+        assert_eq!(accel.nearest([0.0; 3], [0.0, 0.0, 1.0], 1.0, 0, &Solid, &mut Stacks::default()), NO_HIT);
+        assert!(!accel.occluded([0.0; 3], [0.0, 0.0, 1.0], 1.0, 0, &Solid, &mut Stacks::default()));
     }
 }

@@ -7,29 +7,23 @@ use rayon::prelude::*;
 
 use super::{
     Coverage,
-    bvh2::{Bvh2, Quality, bounds_of},
-    triangle::{self, Ray},
+    bvh8::{Bvh8, Quality, Stack, bounds_of},
+    triangle::{BlockHit, Ray, TriangleBlock},
 };
-use crate::flat::NONE;
-
-/// A triangle beside its row, as leaves hold them.
-#[derive(Clone, Copy, Debug)]
-struct LeafTriangle {
-    corners: [[f32; 3]; 3],
-    row: u32,
-}
+use crate::{flat::NONE, simd::LANES};
 
 /// Rays against the triangles of one mesh, in its local space.
 #[derive(Clone, Debug)]
 pub struct Blas {
-    tree: Bvh2,
-    triangles: Vec<LeafTriangle>,
+    tree: Bvh8,
+    /// One for each leaf.
+    blocks: Vec<TriangleBlock>,
     bounds: Aabb,
 }
 
 impl Default for Blas {
     fn default() -> Self {
-        Self { tree: Bvh2::default(), triangles: Vec::new(), bounds: Aabb::empty() }
+        Self { tree: Bvh8::default(), blocks: Vec::new(), bounds: Aabb::empty() }
     }
 }
 
@@ -37,15 +31,18 @@ impl Blas {
     /// Over triangles given by their corners, which must be finite.
     pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
         let boxes: Vec<Aabb> = triangles.par_iter().map(|&corners| bounds_of(corners)).collect();
-        let tree = Bvh2::build(&boxes, Quality::Good);
         let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
-        let triangles = tree.order.iter().map(|&row| LeafTriangle { corners: triangles[row as usize], row }).collect();
-        Self { tree, triangles, bounds }
+        let mut tree = Bvh8::build(&boxes, Quality::Good);
+        let order = std::mem::take(&mut tree.order);
+        let blocks = tree.number_leaves(|positions| {
+            TriangleBlock::new(order[positions].iter().map(|&row| (row, triangles[row as usize])))
+        });
+        Self { tree, blocks, bounds }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes() + self.triangles.len() * size_of::<LeafTriangle>()
+        self.tree.bytes() + self.blocks.len() * size_of::<TriangleBlock>()
     }
 
     /// Lowest and highest corner; lowest above highest if there is no triangle.
@@ -89,10 +86,17 @@ pub struct InstanceRef {
     pub check: bool,
 }
 
+/// Scratch of a traversal: a stack for the top level and one for meshes.
+#[derive(Clone, Debug, Default)]
+pub struct Stacks {
+    top: Stack,
+    mesh: Stack,
+}
+
 /// Rays against the whole scene.
 #[derive(Clone, Debug, Default)]
 pub struct Accel {
-    tree: Bvh2,
+    tree: Bvh8,
     instances: Vec<InstanceRef>,
     bounds: Option<([f32; 3], [f32; 3])>,
 }
@@ -119,7 +123,7 @@ impl Accel {
     /// Over placed meshes, in the order of their rows.
     pub fn build(instances: Vec<InstanceRef>) -> Self {
         let boxes: Vec<Aabb> = instances.par_iter().map(world_bounds).collect();
-        let tree = Bvh2::build(&boxes, Quality::Fast);
+        let tree = Bvh8::build(&boxes, Quality::Fast);
         let all = boxes.iter().filter(|one| one.valid()).fold(Aabb::empty(), |all, one| all.union(one));
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         Self { tree, instances, bounds }
@@ -156,16 +160,17 @@ impl Accel {
         t_max: f32,
         ray_id: u32,
         coverage: &C,
+        Stacks { top, mesh }: &mut Stacks,
     ) -> Hit {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         if let [only] = self.instances.as_slice() {
-            nearest_in(only, 0, &ray, &mut t_max, &mut best, ray_id, coverage);
+            nearest_in(only, 0, &ray, &mut t_max, &mut best, ray_id, coverage, mesh);
         } else {
-            self.tree.walk(&ray, &mut t_max, |first, count, t_max| {
+            self.tree.walk::<true>(&ray, &mut t_max, top, |first, count, t_max| {
                 for &row in &self.tree.order[first..first + count] {
-                    nearest_in(&self.instances[row as usize], row, &ray, t_max, &mut best, ray_id, coverage);
+                    nearest_in(&self.instances[row as usize], row, &ray, t_max, &mut best, ray_id, coverage, mesh);
                 }
                 false
             });
@@ -182,17 +187,18 @@ impl Accel {
         t_max: f32,
         ray_id: u32,
         coverage: &C,
+        Stacks { top, mesh }: &mut Stacks,
     ) -> bool {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         if let [only] = self.instances.as_slice() {
-            return occluded_in(only, 0, &ray, t_max, ray_id, coverage);
+            return occluded_in(only, 0, &ray, t_max, ray_id, coverage, mesh);
         }
         let mut found = false;
-        self.tree.walk(&ray, &mut t_max, |first, count, t_max| {
+        self.tree.walk::<false>(&ray, &mut t_max, top, |first, count, t_max| {
             found = self.tree.order[first..first + count]
                 .iter()
-                .any(|&row| occluded_in(&self.instances[row as usize], row, &ray, *t_max, ray_id, coverage));
+                .any(|&row| occluded_in(&self.instances[row as usize], row, &ray, *t_max, ray_id, coverage, mesh));
             found
         });
         found
@@ -218,22 +224,39 @@ fn nearest_in<C: Coverage>(
     best: &mut Hit,
     ray_id: u32,
     coverage: &C,
+    stack: &mut Stack,
 ) {
     let local = to_local(instance, ray);
     let blas = &*instance.blas;
-    blas.tree.walk(&local, t_max, |first, count, t_max| {
-        for leaf in &blas.triangles[first..first + count] {
-            if let Some(hit) = triangle::intersect(&local, &leaf.corners, *t_max) {
-                let found = Hit { t: hit.t, instance: row, triangle: leaf.row, b1: hit.b1, b2: hit.b2, back: hit.back };
-                let nearer = hit.t < best.t || (row, leaf.row) < (best.instance, best.triangle);
-                if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
-                    *best = found;
-                    *t_max = hit.t;
-                }
+    blas.tree.walk::<true>(&local, t_max, stack, |block, _, t_max| {
+        let block = &blas.blocks[block];
+        let met = block.intersect(&local, *t_max);
+        let mut lanes = met.hits;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+            lanes &= lanes - 1;
+            let found = hit_of(&met, block, row, lane);
+            let nearer =
+                found.t < best.t || found.t == best.t && (row, found.triangle) < (best.instance, best.triangle);
+            if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
+                *best = found;
+                *t_max = found.t;
             }
         }
         false
     });
+}
+
+#[inline(always)]
+fn hit_of(met: &BlockHit, block: &TriangleBlock, instance: u32, lane: usize) -> Hit {
+    Hit {
+        t: met.t[lane],
+        instance,
+        triangle: block.rows[lane],
+        b1: met.b1[lane],
+        b2: met.b2[lane],
+        back: met.back >> lane & 1 == 1,
+    }
 }
 
 #[inline(always)]
@@ -244,21 +267,20 @@ fn occluded_in<C: Coverage>(
     t_max: f32,
     ray_id: u32,
     coverage: &C,
+    stack: &mut Stack,
 ) -> bool {
     let local = to_local(instance, ray);
     let blas = &*instance.blas;
     let mut found = false;
     let mut t_end = t_max;
-    blas.tree.walk(&local, &mut t_end, |first, count, t_end| {
-        found = blas.triangles[first..first + count].iter().any(|leaf| {
-            triangle::intersect(&local, &leaf.corners, *t_end).is_some_and(|hit| {
-                C::TRIVIAL || !instance.check || {
-                    let hit =
-                        Hit { t: hit.t, instance: row, triangle: leaf.row, b1: hit.b1, b2: hit.b2, back: hit.back };
-                    coverage.covers(ray_id, &hit)
-                }
-            })
-        });
+    blas.tree.walk::<false>(&local, &mut t_end, stack, |block, _, t_end| {
+        let block = &blas.blocks[block];
+        let met = block.intersect(&local, *t_end);
+        found = met.hits != 0
+            && (C::TRIVIAL
+                || !instance.check
+                || (0..LANES)
+                    .any(|lane| met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, row, lane))));
         found
     });
     found

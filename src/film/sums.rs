@@ -67,7 +67,8 @@ impl Sums {
     /// Adds a contribution; false, and nothing added, if it is not finite or out of range.
     #[inline]
     pub fn add(&mut self, unit: Unit, pixel: usize, value: [f32; 3]) -> bool {
-        let [Some(r), Some(g), Some(b)] = value.map(|v| unit.quantise(v)) else { return false };
+        let [r, g, b] = value;
+        let (Some(r), Some(g), Some(b)) = (unit.quantise(r), unit.quantise(g), unit.quantise(b)) else { return false };
         let sum = &mut self.0[pixel];
         sum[0] += r;
         sum[1] += g;

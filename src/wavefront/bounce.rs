@@ -11,13 +11,23 @@ use crate::{
 /// Scatterings before roulette begins: the first few paths carry most of the light.
 pub const ROULETTE_FROM: u32 = 3;
 
+/// Scatterings from which on no path is sure to go on. Total internal reflection dims nothing, and shading normals
+/// can turn a way into a solid that no way out mirrors: such a path would never end.
+pub const ROULETTE_FOR_ALL: u32 = 64;
+
+/// The most that roulette lets go on of paths with `depth` scatterings behind them.
+#[inline(always)]
+pub fn most_survivors(depth: u32) -> f32 {
+    if depth >= ROULETTE_FOR_ALL { 0.95 } else { 1.0 }
+}
+
 /// Share of paths that go on, by what they could still bring to the pixel.
 ///
-/// q = min(1, max(throughput) · η²-scale), which leaves the expected radiance as it was when the
+/// q = min(limit, max(throughput) · η²-scale), which leaves the expected radiance as it was when the
 /// survivors are weighted by 1/q (Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
 #[inline(always)]
-pub fn survival<F: Real>(most: F, eta_scale: F) -> F {
-    (most * eta_scale).min(F::one())
+pub fn survival<F: Real>(most: F, eta_scale: F, limit: F) -> F {
+    (most * eta_scale).min(limit)
 }
 
 /// Moves the paths of `from` that survive to the end of `to`.
@@ -45,7 +55,8 @@ pub fn bounce(sampler: &Sampler, from: &mut PathQueue, alive: &mut Vec<u32>, to:
                 dimensions::ROULETTE,
             );
             let u: f32x8 = sampler.one(bits(&from.pixel_hash), bits(&from.sample), dimension);
-            let q = survival(Real::max(Real::max(r, g), b), eta);
+            let limit = f32x8::from_fn(|lane| most_survivors(depths[lane]));
+            let q = survival(Real::max(Real::max(r, g), b), eta, limit);
             let player = <f32x8 as Real>::Mask::from_bits(plays);
             let survives = Real::lt(u, q);
             let weight = Real::select(player & survives, f32x8::ONE / q, f32x8::ONE);

@@ -73,21 +73,23 @@ pub fn sample<F: Real>(
         let bit = 1 << lane;
         one.pmf = pmf;
         if row < first_local {
-            let triangle = lights.triangles.row(row as usize);
+            let (triangles, row) = (&lights.triangles, row as usize);
             let (b1, b2) = (b1.lane(lane), b2.lane(lane));
             kinds.triangle |= bit;
-            kinds.two_sided |= triangle.two_sided << lane;
-            one.target = std::array::from_fn(|i| triangle.p0[i] + b1 * triangle.e1[i] + b2 * triangle.e2[i]);
-            one.error = triangle.error;
-            one.normal = triangle.n;
-            one.measure = triangle.area;
-            one.radiance = triangle.radiance;
-            if triangle.texture != NONE {
+            kinds.two_sided |= triangles.two_sided[row] << lane;
+            let (p0, e1, e2) = (&triangles.p0[row], &triangles.e1[row], &triangles.e2[row]);
+            one.target = std::array::from_fn(|i| p0[i] + b1 * e1[i] + b2 * e2[i]);
+            one.error = triangles.error[row];
+            one.normal = triangles.n[row];
+            one.measure = triangles.area[row];
+            one.radiance = triangles.radiance[row];
+            let texture = triangles.texture[row];
+            if texture != NONE {
                 lookups[0] += 1;
-                let mesh = &scene.meshes[scene.instances.mesh[triangle.instance as usize] as usize];
-                let vertices = mesh.triangles[triangle.triangle as usize];
-                let set = scene.textures.slots.tex_coord[triangle.texture as usize];
-                let texel = scene.textures.sample(triangle.texture, mesh.uv_at(set, vertices, b1, b2));
+                let mesh = &scene.meshes[scene.instances.mesh[triangles.instance[row] as usize] as usize];
+                let vertices = mesh.triangles[triangles.triangle[row] as usize];
+                let set = scene.textures.slots.tex_coord[texture as usize];
+                let texel = scene.textures.sample(texture, mesh.uv_at(set, vertices, b1, b2));
                 (0..3).for_each(|i| one.radiance[i] *= texel[i]);
             }
         } else if row < first_distant {

@@ -5,7 +5,7 @@
 
 use super::{
     Job, Worker, absorb,
-    bounce::{ROULETTE_FROM, survival},
+    bounce::{ROULETTE_FROM, most_survivors, survival},
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
     emit, parts_of, schedule,
@@ -16,7 +16,7 @@ use super::{
     tally::Tally,
 };
 use crate::{
-    accel::{Coverage, Solid},
+    accel::{Coverage, Solid, Stacks},
     bsdf::{Lambert, Opaque, Transmissive},
     film::Tile,
     flat::{FlatScene, NONE, ShadingClass, flags},
@@ -39,11 +39,12 @@ fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32) {
 }
 
 fn run_covered<C: Coverage>(worker: &mut Worker, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
+    let mut stacks = Stacks::default();
     let mut tally = Tally { unit: job.unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
     for sample in from..to {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
-            trace(job, coverage, x, y, slot, sample, &mut tally, &mut worker.counters);
+            trace(job, coverage, [x, y], slot, sample, &mut tally, &mut worker.counters, &mut stacks);
         }
         tile.samples[(sample & 1) as usize] += 1;
     }
@@ -57,12 +58,12 @@ type Integer = <f32 as Real>::Bits;
 fn trace<C: Coverage>(
     job: &Job,
     coverage: &C,
-    x: u32,
-    y: u32,
+    [x, y]: [u32; 2],
     slot: u32,
     sample: u32,
     tally: &mut Tally,
     counters: &mut Counters,
+    stacks: &mut Stacks,
 ) {
     let Job { scene, settings, lens, filter, sampler, .. } = job;
     let pixel_hash = sampler.pixel_hash(x, y);
@@ -74,7 +75,7 @@ fn trace<C: Coverage>(
     let (mut pdf, mut eta_scale, mut medium) = (0.0, 1.0, NONE);
     counters.rays.camera += 1;
     for depth in 0.. {
-        let hit = scene.accel.nearest(origin, direction, t_max, ray_id(pixel_hash, sample, depth, 0), coverage);
+        let hit = scene.accel.nearest(origin, direction, t_max, ray_id(pixel_hash, sample, depth, 0), coverage, stacks);
         if hit.instance == NONE {
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
@@ -129,7 +130,7 @@ fn trace<C: Coverage>(
             counters.rays.shadow += 1;
             let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
             let id = ray_id(pixel_hash, sample, depth, 1);
-            if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage) {
+            if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage, stacks) {
                 tally.add(slot, sample, connection.light.lane(0));
             }
         }
@@ -141,7 +142,7 @@ fn trace<C: Coverage>(
         if depth + 1 >= ROULETTE_FROM {
             let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
             let u: f32 = sampler.one(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
-            let q = survival(throughput.max_element(), eta_scale);
+            let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
             if u >= q {
                 return;
             }

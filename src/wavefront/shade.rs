@@ -179,8 +179,8 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
 #[inline(always)]
 fn gather(rows: &[u32], materials: &[u32], max_depth: u32, paths: &PathQueue, hits: &HitQueue) -> Arrived<f32x8> {
     let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
-    let number = |column: &[f32]| f32x8::new(index.map(|i| column[i]));
-    let bits = |column: &[u32]| index.map(|i| column[i]);
+    let number = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
+    let bits = |column: &[u32]| -> [u32; LANES] { std::array::from_fn(|lane| column[index[lane]]) };
     let (mut back, mut active) = (0, 0);
     for (lane, &i) in index.iter().enumerate() {
         back |= hits.back[i] << lane;

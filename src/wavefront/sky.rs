@@ -38,7 +38,7 @@ pub fn sky(
 ) {
     for rows in rows.chunks(LANES) {
         let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
-        let column = |column: &[f32]| f32x8::new(index.map(|i| column[i]));
+        let column = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
         let direction = V3::new(column(&paths.dx), column(&paths.dy), column(&paths.dz));
         let throughput = V3::new(column(&paths.throughput_r), column(&paths.throughput_g), column(&paths.throughput_b));
         let light = seen(scene, sky, direction, column(&paths.pdf)) * throughput;

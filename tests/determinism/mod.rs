@@ -80,3 +80,18 @@ fn layers_leave_the_beauty_picture_alone() {
     assert_eq!(plain.rgb, with.rgb);
     assert_eq!(with.layers.len(), 8);
 }
+
+/// Light between two facing perfect mirrors, and inside a ball of white glass seen from within, never fades; the
+/// render still ends.
+#[test]
+fn trapped_light_does_not_hang_the_render() {
+    use glam::{DVec3, Vec3};
+    use wavecast::world::{Material, Scene, TriMesh};
+    let mut scene = Scene::new();
+    let mirror = Material { roughness: 0.0, double_sided: true, ..Material::default() };
+    crate::common::show(&mut scene, TriMesh::cuboid(Vec3::splat(-1.0), Vec3::ONE), mirror);
+    crate::common::show(&mut scene, TriMesh::cuboid(Vec3::splat(-0.2), Vec3::splat(0.2)), Material::glass(2.0));
+    crate::common::look(&mut scene, DVec3::new(0.0, 0.3, 0.9), DVec3::ZERO, 60.0);
+    let rendered = crate::common::picture(&mut scene, &settings(16, 4));
+    assert!(rendered.stats.rays.bounce > 16 * 16 * 4 * 20, "the paths are long: {:?}", rendered.stats.rays);
+}

@@ -6,6 +6,8 @@ mod common;
 mod determinism;
 mod gltf;
 mod layering;
+mod reciprocity;
 mod scenes;
 mod skipping;
 mod sync;
+mod twin;

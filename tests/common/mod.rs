@@ -1,5 +1,7 @@
 //! What several kinds of evidence build their scenes from.
 
+pub mod trials;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,

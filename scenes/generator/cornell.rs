@@ -56,6 +56,5 @@ pub fn scene() -> Document {
 
     let eye = Vec3::new(0.0, HEIGHT / 2.0, DEPTH / 2.0 + 0.75);
     scene.camera("camera", 40.0, 1.0, Place { translation: eye, ..Place::ORIGIN });
-    scene.camera_size([512, 512]);
     scene
 }

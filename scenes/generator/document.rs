@@ -267,12 +267,6 @@ impl Document {
         self.roots.push(node.0);
     }
 
-    /// Says in how many pixels the last camera asks to be rendered where nothing else does.
-    pub fn camera_size(&mut self, size: [u32; 2]) {
-        let camera = self.cameras.last_mut().expect("a camera comes before its size");
-        camera["extras"] = json!({"wavecast": {"size": size}});
-    }
-
     /// A point light, cd.
     pub fn point_light(&mut self, name: &str, color: Color, candela: f64, at: Vec3) {
         let light = json!({"name": name, "type": "point", "color": color, "intensity": candela});

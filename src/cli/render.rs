@@ -43,7 +43,7 @@ pub struct Args {
     /// Where the picture goes: .exr, .png or .hdr; may be given several times
     #[arg(short, long = "output", value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
-    /// Pixels [default: what the camera's extras ask for, else 1280 wide in the camera's shape]
+    /// Pixels [default: 1280 wide, in the camera's shape]
     #[arg(long, value_name = "WxH", value_parser = args::size)]
     size: Option<Size>,
     /// Stop after N samples per pixel [default: 64, or none with --time]
@@ -136,8 +136,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     }
     seconds.sync = sync_start.elapsed().as_secs_f64();
 
-    let size = asked_size(scene, &loaded.info.cameras).unwrap_or_else(|| default_size(&renderer.scene().camera));
-    let settings = settings(&args, common, size)?;
+    let settings = settings(&args, common, &renderer.scene().camera)?;
     interrupt::keep_from_now_on();
     let watcher = Watcher::new(console.is_quiet());
     let mut rendered = renderer.render(&settings, &watcher);
@@ -252,12 +251,6 @@ pub fn camera_names(scene: &Scene, in_file: &[CameraInfo]) -> Vec<String> {
     scene.keys_with::<Camera>().into_iter().map(name).collect()
 }
 
-/// Pixels that the extras of the chosen camera ask for.
-fn asked_size(scene: &Scene, in_file: &[CameraInfo]) -> Option<[u32; 2]> {
-    let key = scene.active_camera.or_else(|| scene.keys_with::<Camera>().first().copied())?;
-    in_file.iter().find(|camera| camera.keys.contains(&key))?.size
-}
-
 /// 1280 pixels wide in the shape that the camera asks for.
 fn default_size(camera: &CameraView) -> [u32; 2] {
     let aspect = camera.aspect.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
@@ -265,8 +258,8 @@ fn default_size(camera: &CameraView) -> [u32; 2] {
     [DEFAULT_WIDTH, height as u32]
 }
 
-fn settings(args: &Args, common: &Common, default_size: [u32; 2]) -> Result<RenderSettings, CliError> {
-    let [width, height] = args.size.map_or(default_size, |size| size.0);
+fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderSettings, CliError> {
+    let [width, height] = args.size.map_or_else(|| default_size(camera), |size| size.0);
     if let Some(Crop([x, y, w, h])) = args.crop {
         let inside = |first: u32, length: u32, all: u32| first.checked_add(length).is_some_and(|end| end <= all);
         if !inside(x, w, width) || !inside(y, h, height) {
@@ -351,7 +344,7 @@ mod tests {
 
     fn settings_of(line: &str) -> RenderSettings {
         let (args, common) = parse(line);
-        settings(&args, &common, default_size(&CameraView::default())).unwrap()
+        settings(&args, &common, &CameraView::default()).unwrap()
     }
 
     #[test]
@@ -395,7 +388,7 @@ mod tests {
     #[test]
     fn a_crop_beyond_the_picture_is_bad_usage() {
         let (args, common) = parse("--size 64x48 --crop 60,0,5,5");
-        let error = settings(&args, &common, default_size(&CameraView::default())).unwrap_err();
+        let error = settings(&args, &common, &CameraView::default()).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("64 × 48"), "{error}");
     }
@@ -406,7 +399,7 @@ mod tests {
         let spawn = |scene: &mut Scene, name: &str| scene.spawn((Name(name.into()), Camera::perspective(1.0)));
         let keys = [spawn(&mut scene, "left"), spawn(&mut scene, "0"), spawn(&mut scene, "right")];
         let console = Console::new(true, false);
-        let in_file = [CameraInfo { name: "wide".into(), keys: vec![keys[2]], size: Some([64, 48]) }];
+        let in_file = [CameraInfo { name: "wide".into(), keys: vec![keys[2]] }];
         let mut choose = |line: &str| {
             let (args, _) = parse(line);
             choose_camera(&mut scene, &in_file, &args, &console).map(|()| scene.active_camera)
@@ -419,10 +412,6 @@ mod tests {
         let error = choose("--camera top").unwrap_err();
         assert!(error.to_string().contains("0 \"left\", 1 \"0\", 2 \"right\""), "{error}");
         assert_eq!(error.exit_code(), 1);
-        for (key, size) in [(None, None), (Some(keys[1]), None), (Some(keys[2]), Some([64, 48]))] {
-            scene.active_camera = key;
-            assert_eq!(asked_size(&scene, &in_file), size, "{key:?}");
-        }
     }
 
     #[test]

@@ -64,8 +64,6 @@ pub struct CameraInfo {
     pub name: String,
     /// The entities of the loaded scene that carry it, ascending.
     pub keys: Vec<SceneKey>,
-    /// Pixels that it asks to be rendered in, by `"extras": {"wavecast": {"size": [512, 512]}}`.
-    pub size: Option<[u32; 2]>,
 }
 
 impl FileInfo {
@@ -115,15 +113,7 @@ fn camera_names(document: &Document<'_>) -> Result<Vec<CameraInfo>, LoadError> {
                 (None, Some(carrier)) => carrier,
                 _ => camera.name_or("camera", index)?,
             };
-            Ok(CameraInfo { name, keys: Vec::new(), size: size_in_extras(&camera) })
+            Ok(CameraInfo { name, keys: Vec::new() })
         })
         .collect()
-}
-
-/// Extras may hold anything, so what is not a size is none, and no error.
-fn size_in_extras(camera: &Json<'_>) -> Option<[u32; 2]> {
-    let size = camera.value.pointer("/extras/wavecast/size")?.as_array()?;
-    let pixels: Vec<u32> =
-        size.iter().filter_map(|n| n.as_u64()?.try_into().ok()).filter(|n| (1..=1 << 14).contains(n)).collect();
-    pixels.try_into().ok().filter(|_| size.len() == 2)
 }

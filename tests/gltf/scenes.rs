@@ -285,28 +285,3 @@ fn info_counts_what_is_in_the_file() {
     assert_eq!(loaded.info.scenes, ["a", "b", "c"]);
     assert_eq!(warnings(&loaded).len(), 1);
 }
-
-#[test]
-fn a_camera_may_ask_for_a_size_in_its_extras_and_nothing_there_is_an_error() {
-    let size = |extras: serde_json::Value| {
-        let mut file = three_scenes();
-        let lens = json!({"yfov": 1.0, "znear": 0.1});
-        file.push("cameras", json!({"type": "perspective", "perspective": lens, "extras": extras}));
-        file.load().unwrap().info.cameras[0].size
-    };
-    assert_eq!(size(json!({"wavecast": {"size": [512, 384]}})), Some([512, 384]));
-    for odd in [
-        json!(null),
-        json!("x"),
-        json!({"size": [5, 5]}),
-        json!({"wavecast": {"size": 5}}),
-        json!({"wavecast": {"size": [5]}}),
-        json!({"wavecast": {"size": [5, 5, 5]}}),
-        json!({"wavecast": {"size": [5, 0]}}),
-        json!({"wavecast": {"size": [5, -5]}}),
-        json!({"wavecast": {"size": [5, 1e9]}}),
-        json!({"wavecast": {"size": ["5", 5, 5]}}),
-    ] {
-        assert_eq!(size(odd.clone()), None, "{odd}");
-    }
-}

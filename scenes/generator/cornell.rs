@@ -55,6 +55,6 @@ pub fn scene() -> Document {
     scene.show("light", &light, glow);
 
     let eye = Vec3::new(0.0, HEIGHT / 2.0, DEPTH / 2.0 + 0.75);
-    scene.camera("camera", 40.0, 1.0, Place { translation: eye, ..Place::ORIGIN });
+    scene.camera("camera", 40.0, 16.0 / 9.0, Place { translation: eye, ..Place::ORIGIN });
     scene
 }

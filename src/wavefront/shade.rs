@@ -17,6 +17,9 @@ use crate::{
     simd::{Bits, LANES, Mask, Real, Rgb, V3},
 };
 
+/// Share of the way to a light that must be clear: all of it but for the rounding of a distance.
+const BEFORE_LIGHT: f32 = 1.0 - 8.0 * f32::EPSILON;
+
 /// Paths at surfaces, one per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrived<F: Real> {
@@ -145,7 +148,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
             connection = Connection {
                 origin,
                 direction,
-                t_max: F::select(light.near, F::one(), F::splat(f32::INFINITY)),
+                t_max: F::select(light.near, F::splat(BEFORE_LIGHT), F::splat(f32::INFINITY)),
                 light: carried,
                 lanes: (reached & !carried.max_element().eq(zero)).bits(),
             };

@@ -39,8 +39,10 @@ pub struct Incoming<F: Real> {
 pub struct Surface<F: Real> {
     /// Point, m.
     pub p: V3<F>,
-    /// Bound on its rounding error along each axis, and on that of rays that start there, m.
+    /// Bound on its rounding error along each axis, m.
     pub error: V3<F>,
+    /// What rounding may make of the distance between the facet and a ray that starts on it, m.
+    pub reach: F,
     /// Where rays start that are reflected: lifted to the smooth surface.
     pub lifted: V3<F>,
     /// `lifted` is off the facet by more than rounding, so that rays may start below the facet's plane.
@@ -204,7 +206,11 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     let mut p = weigh(corners[0], corners[1], corners[2]);
     let magnitude = weigh(corners[0].abs(), corners[1].abs(), corners[2].abs()).abs();
     let mut error = magnitude * F::splat(gamma(7));
-    let mut ng = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let mut ng = e1.cross(e2);
+    // A ray is tested against corners relative to its start. What they round by grows with the facet and not with
+    // the point: on a plane through the origin the point's own error may well be zero.
+    let mut extent = e1.abs() + e2.abs();
     let mut world_corners = corners;
     let mut ns_raw = V3::splat(0.0);
     let mut world_normals = [V3::splat(0.0); 3];
@@ -221,6 +227,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         let there = linear_abs(to_world, local.abs()) + translation::<F>(to_world).abs();
         let back_again = linear_abs(to_local, p.abs()) + translation::<F>(to_local).abs();
         error = linear_abs(to_world, error + back_again * F::splat(gamma(4))) + there * F::splat(gamma(4));
+        extent = linear_abs(to_world, extent);
         ng = transposed(to_local, ng);
         ns_raw = transposed(to_local, ns_raw);
         if terminator_fix && f.any_normals {
@@ -234,6 +241,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
     // The last addition of an offset rounds once more.
     error = p.abs().scale_add(F::splat(2.0 * UNIT_ROUNDOFF), error);
+    let reach = extent.max_element() * F::splat(gamma(32));
     // Edges may be so short that squares of their product vanish; what is left of a normal then faces the ray.
     ng = ng * (F::one() / ng.abs().max_element().max(F::splat(f32::MIN_POSITIVE)));
     let length2 = ng.length_squared();
@@ -277,7 +285,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         lifted = p + lift;
         is_lifted = lift.dot(ng).gt(ng.abs().dot(error) * F::splat(4.0));
     }
-    Surface { p, error, lifted, is_lifted, ng, frame, wo, wo_local, params }
+    Surface { p, error, reach, lifted, is_lifted, ng, frame, wo, wo_local, params }
 }
 
 #[inline(always)]
@@ -414,10 +422,10 @@ impl<F: Real> Surface<F> {
     }
 
     /// Where a ray leaves the surface: on the side of `wo` if `reflected`, else beyond, and off it by more than the
-    /// point's error (Pharr, Jakob, Humphreys 2023, section 6.8.6).
+    /// point's error (Pharr, Jakob, Humphreys 2023, section 6.8.6) and by more than the test of the facet may err.
     #[inline(always)]
     pub fn leave(&self, reflected: F::Mask) -> V3<F> {
-        let distance = self.ng.abs().dot(self.error);
+        let distance = self.ng.abs().dot(self.error) + self.reach;
         let start = V3::select(reflected, self.lifted, self.p);
         self.ng.scale_add(F::select(reflected, distance, -distance), start)
     }

@@ -28,7 +28,7 @@ fn over_ground(mesh: TriMesh, material: Material) -> Scene {
 /// a · 1 + (1 − a) · 0.5.
 fn blended() -> Case {
     let material = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.25, ..unlit(1.0) };
-    Case::gray("BLEND, a quarter covers", over_ground(sheet(1.0), material), 0.25 + 0.75 * 0.5, 65_536)
+    Case::gray("BLEND, a quarter covers", over_ground(sheet(1.0), material), 0.25 + 0.75 * 0.5, 32_768)
 }
 
 /// Two sheets decide independently: a + (1 − a)(b + (1 − b)/2) with the same radiance on both.
@@ -36,14 +36,14 @@ fn blended_twice() -> Case {
     let material = |a| Material { alpha_mode: AlphaMode::Blend, base_alpha: a, ..unlit(1.0) };
     let mut scene = over_ground(sheet(1.0), material(0.25));
     show(&mut scene, sheet(2.0), material(0.5));
-    Case::gray("BLEND, a quarter over a half", scene, 0.25 + 0.75 * (0.5 + 0.5 * 0.5), 65_536)
+    Case::gray("BLEND, a quarter over a half", scene, 0.25 + 0.75 * (0.5 + 0.5 * 0.5), 32_768)
 }
 
 /// Alpha of the vertices from 0 to 1 across: the mean covers half.
 fn blended_vertices() -> Case {
     let colors = [0.0, 1.0, 1.0, 0.0].map(|a| Vec4::new(1.0, 1.0, 1.0, a)).to_vec();
     let material = Material { alpha_mode: AlphaMode::Blend, ..unlit(1.0) };
-    Case::gray("BLEND by vertex alpha", over_ground(TriMesh { colors, ..sheet(1.0) }, material), 0.75, 65_536)
+    Case::gray("BLEND by vertex alpha", over_ground(TriMesh { colors, ..sheet(1.0) }, material), 0.75, 32_768)
 }
 
 /// Three of four texels, or the three quarters of a ramp of vertex alpha, pass the cutoff.
@@ -71,7 +71,7 @@ fn blended_shadow() -> Case {
     let light = PointLight { color: Vec3::ONE, intensity: Candela(20.0) };
     scene.spawn((light, LocalTransform::from_translation(3.0 * DVec3::Y)));
     look_at_point(&mut scene, DVec3::new(4.0, 1.0, 0.0), DVec3::ZERO);
-    Case::gray("shadow through BLEND", scene, lambert(0.5, 0.875 * 20.0 / 9.0), 131_072)
+    Case::gray("shadow through BLEND", scene, lambert(0.5, 0.875 * 20.0 / 9.0), 65_536)
 }
 
 /// From behind a single-sided sheet is not there, a double-sided one is.

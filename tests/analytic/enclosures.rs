@@ -50,16 +50,16 @@ fn lit_sphere_with_interreflection() -> Case {
     let (mut scene, mesh) = lit_sphere(0.75, 96);
     look(&mut scene, DVec3::ZERO, DVec3::new(1.0, 0.3, 0.4), 100.0);
     let truth = 0.75 / 0.25 * 4.0 * 10.0 / oracle::area(&mesh);
-    Case::gray("closed sphere, light at its centre, albedo 0.75", scene, truth, 4096)
+    Case::gray("closed sphere, light at its centre, albedo 0.75", scene, truth, 2048)
 }
 
 pub fn cases() -> Vec<Case> {
     vec![
         shell(0.0, Some(8), 16),
-        shell(0.5, Some(1), 65_536),
-        shell(0.5, Some(7), 65_536),
-        shell(0.9, Some(63), 16_384),
-        shell(0.9, None, 16_384),
+        shell(0.5, Some(1), 8192),
+        shell(0.5, Some(7), 8192),
+        shell(0.9, Some(63), 2048),
+        shell(0.9, None, 2048),
         facet_of_lit_sphere(),
         lit_sphere_with_interreflection(),
     ]

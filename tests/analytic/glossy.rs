@@ -115,7 +115,7 @@ fn smooth_paint_under_sky() -> Case {
     let truth = std::array::from_fn(|channel| {
         2.0 * (over_hemisphere(|wi| coat.diffuse(channel, wo, wi)) + coat.parts(channel, wo.y).1)
     });
-    Case::new("smooth paint under a uniform sky", scene, truth, 65_536)
+    Case::new("smooth paint under a uniform sky", scene, truth, 16_384)
 }
 
 /// A mirror shows the lamp above it, times F_s.
@@ -148,7 +148,7 @@ fn through_thin_plate() -> Case {
             4.0 * t * ggx.dv(wo, mirrored) * wi.y * wi.y / q.length_squared()
         })
     });
-    Case::new("lamp behind a thin rough plate", scene, truth, 65_536)
+    Case::new("lamp behind a thin rough plate", scene, truth, 16_384)
 }
 
 /// One rough interface, the lamp in the glass below: Walter et al. 2007, eq. 21, for radiance.
@@ -174,7 +174,7 @@ fn through_interface() -> Case {
             / ((wo.y * wi.y).abs() * (cos_o + eta * cos_i).powi(2));
         4.0 * f * wi.y * wi.y / q.length_squared()
     });
-    Case::gray("lamp below a rough interface", scene, truth, 65_536)
+    Case::gray("lamp below a rough interface", scene, truth, 16_384)
 }
 
 /// A square below the plane that faces up.
@@ -188,11 +188,11 @@ pub fn cases() -> Vec<Case> {
     let mixed = Coat { metallic: 0.5, roughness: 0.6, specular: 0.5, ..PAINT };
     vec![
         mirror(),
-        under_lamp("rough metal under a lamp", METAL, 65_536),
-        under_lamp("paint under a lamp", PAINT, 131_072),
-        under_lamp("half metal under a lamp", mixed, 131_072),
-        under_sky("rough metal under a uniform sky", Coat { roughness: 0.6, ..METAL }, 16_384),
-        under_sky("paint under a uniform sky", PAINT, 65_536),
+        under_lamp("rough metal under a lamp", METAL, 16_384),
+        under_lamp("paint under a lamp", PAINT, 32_768),
+        under_lamp("half metal under a lamp", mixed, 32_768),
+        under_sky("rough metal under a uniform sky", Coat { roughness: 0.6, ..METAL }, 8192),
+        under_sky("paint under a uniform sky", PAINT, 16_384),
         smooth_paint_under_sky(),
         through_thin_plate(),
         through_interface(),

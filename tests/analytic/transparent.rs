@@ -22,7 +22,7 @@ fn thin_plate(specular_color: Vec3) -> Case {
     look_at_square(&mut scene, 4.0 * wo, DVec3::ZERO, DVec3::Y, 0.5);
     let r = specular_color.as_dvec3() * fresnel(1.5, wo.y);
     let truth = 2.0 * (r + (1.0 - r.max_element()) * base_color.as_dvec3());
-    Case::new(&format!("thin plate, specular tint {}", specular_color.x), scene, truth.to_array(), 65_536)
+    Case::new(&format!("thin plate, specular tint {}", specular_color.x), scene, truth.to_array(), 32_768)
 }
 
 /// A slab of thickness d between parallel faces, seen straight on: with τ = e^(−ad) and R of a face,
@@ -37,7 +37,7 @@ fn slab(ior: f32) -> Case {
         let tau = c.powf(0.75 / 0.5);
         2.0 * (r + (1.0 - r).powi(2) * tau / (1.0 - r * tau))
     });
-    Case::new(&format!("absorbing slab, index {ior}"), scene, truth, 65_536)
+    Case::new(&format!("absorbing slab, index {ior}"), scene, truth, 32_768)
 }
 
 /// Nothing is lost in clear glass.

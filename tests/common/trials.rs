@@ -2,6 +2,7 @@
 
 use std::{fmt::Write, ops::Range};
 
+use rayon::prelude::*;
 use wavecast::{
     measure::statistics::{Moments, beta_regularized, sidak},
     render::{RenderSettings, Renderer},
@@ -84,11 +85,12 @@ pub fn means(scene: &mut Scene, settings: &RenderSettings, seeds: Range<u64>) ->
     let report = renderer.sync(scene);
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let mean_of = |seed| {
-        let rendered = renderer.render(&RenderSettings { seed, ..settings.clone() }, &());
+        // Small pictures have too few tiles for several threads, so each has one.
+        let rendered = renderer.render(&RenderSettings { seed, threads: 1, ..settings.clone() }, &());
         assert_eq!(rendered.stats.discarded, []);
         super::mean(&rendered)
     };
-    seeds.map(mean_of).collect()
+    seeds.into_par_iter().map(mean_of).collect()
 }
 
 /// P(|t| > 2.131) = 0.05 with 15 degrees of freedom, P(|t| > 12.706) = 0.05 with one (the tables of Student).

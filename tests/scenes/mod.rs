@@ -1,6 +1,8 @@
-//! The scenes shipped in `scenes/` are those that their generator writes.
+//! The scenes shipped in `scenes/` are those that their generator writes, and make pictures.
 
 use std::{fs, path::Path};
+
+use crate::common::{load_scene, mean, picture, root, settings};
 
 #[path = "../../scenes/generator/mod.rs"]
 mod generator;
@@ -41,5 +43,18 @@ fn every_scene_file_is_described_and_generated() {
             assert!(readme.contains(&format!("`{name}`")), "{name} has no line in scenes/README.md");
             assert!(generated.contains(&name.as_str()), "{name} has no generator");
         }
+    }
+}
+
+/// Exposed for a PNG without correction, so the mean lies between a hundredth of a nit and one.
+#[test]
+fn every_scene_makes_a_picture_that_needs_no_exposure() {
+    for file in generator::files() {
+        let mut scene = load_scene(&root().join("scenes").join(file.name));
+        let rendered = picture(&mut scene, &settings(24, 8));
+        let pixels = &rendered.picture.rgb;
+        assert!(pixels.iter().flatten().all(|light| light.is_finite() && *light >= 0.0), "{}", file.name);
+        let mean = mean(&rendered);
+        assert!(mean.iter().all(|light| (0.01..1.0).contains(light)), "{}: {mean:?}", file.name);
     }
 }

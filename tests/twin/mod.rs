@@ -161,16 +161,17 @@ fn flatten(scene: &mut Scene) -> Renderer {
 /// Compares both renderers; `spp` are samples of the reference, of which the wavefront takes twice as many.
 #[track_caller]
 fn check_twins(name: &str, scene: &mut Scene, settings: &RenderSettings, spp: u32, resolution: f64) {
+    let start = std::time::Instant::now();
     let renderer = flatten(scene);
     let settings = RenderSettings { spp: Some((2 * spp / PICTURES).max(1)), ..settings.clone() };
     let got = by_wavefront(renderer.scene(), &settings);
     let want = by_reference(renderer.scene(), &settings, spp);
     let comparison = compare(&got, &want);
     match comparison.verdict(resolution) {
-        Ok(summary) => println!("{name}: {summary}"),
+        Ok(summary) => println!("{name}: {summary}; {:.1} s", start.elapsed().as_secs_f64()),
         Err(summary) => {
             let paths = write_failure(name, (settings.width, settings.height), &got, &want, &comparison);
-            panic!("{name}: {summary}\n{paths}");
+            panic!("{name}: {summary}; {:.1} s\n{paths}", start.elapsed().as_secs_f64());
         }
     }
 }

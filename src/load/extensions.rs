@@ -64,7 +64,7 @@ fn status(name: &str) -> ExtensionStatus {
     if READ.contains(&name) {
         ExtensionStatus::Read
     } else if TEXTURE_SOURCES.contains(&name) {
-        ExtensionStatus::Approximated("the plain PNG or JPEG of each texture is shown")
+        ExtensionStatus::Approximated("the plain PNG or JPEG of a texture is shown, where it has one")
     } else if METADATA.contains(&name) {
         ExtensionStatus::Ignored("it describes the file and changes nothing in the picture")
     } else {

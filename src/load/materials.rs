@@ -8,6 +8,7 @@ use super::{
     document::Document,
     error::{LoadError, Warnings},
     json::Json,
+    tangents::Along,
     textures::{TextureUse, read_texture},
 };
 use crate::world::{AlphaMode, Image, Material, Texture};
@@ -28,8 +29,8 @@ pub(super) struct Draft {
     pub(super) name: String,
     material: Material,
     textures: Vec<(Slot, TextureUse)>,
-    /// Set of texture coordinates of the normal map, if there is one.
-    pub(super) normal_set: Option<u32>,
+    /// Texture coordinates of the normal map, if there is one.
+    pub(super) normal_along: Option<Along>,
 }
 
 impl Draft {
@@ -61,7 +62,7 @@ pub(super) fn read_material(
         name: json.name_or("material", index)?,
         material: Material::default(),
         textures: Vec::new(),
-        normal_set: None,
+        normal_along: None,
     };
     read_core(json, &mut draft, document, warnings)?;
     read_extensions(json, &mut draft, document, warnings)?;
@@ -89,7 +90,7 @@ fn read_core(
         texture(&pbr, "metallicRoughnessTexture", |m| &mut m.metallic_roughness_texture, warnings)?;
     }
     if let Some(normal) = texture(json, "normalTexture", |m| &mut m.normal_texture, warnings)? {
-        draft.normal_set = Some(normal.tex_coord);
+        draft.normal_along = Some(Along::new(normal.tex_coord, &normal.transform));
         let scale = json.required("normalTexture")?.get("scale")?;
         material.normal_scale = scale.map(|scale| scale.number()).transpose()?.unwrap_or(1.0) as f32;
     }

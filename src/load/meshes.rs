@@ -18,7 +18,7 @@ use super::{
     morph,
     primitives::{Topology, read_topology, read_triangles},
     skins::{self, Skin},
-    tangents,
+    tangents::{self, Along},
     vertices::{Attributes, Part, read_vertices},
 };
 use crate::world::TriMesh;
@@ -30,8 +30,8 @@ struct Primitive<'a> {
     vertices: usize,
     topology: Topology,
     slot: u16,
-    /// Set of texture coordinates to make tangents along, where they are needed and missing.
-    tangents: Option<u32>,
+    /// What to make tangents along, where they are needed and missing.
+    tangents: Option<Along>,
 }
 
 /// How one node, or several alike, shows a mesh.
@@ -89,9 +89,9 @@ impl<'a> Job<'a> {
             }
             let material = document.follow_key(&json, "material", MATERIALS)?.map(|(index, _)| index);
             let slot = places.get(&material).copied().unwrap_or(0);
-            let normal_set = material.and_then(|index| drafts[index].as_ref()?.normal_set);
+            let along = material.and_then(|index| drafts[index].as_ref()?.normal_along);
             let given = attributes.get("NORMAL")?.is_some() && attributes.get("TANGENT")?.is_some();
-            let tangents = normal_set.filter(|_| !given);
+            let tangents = along.filter(|_| !given);
             primitives.push(Primitive { json, attributes, vertices: vertices as usize, topology, slot, tangents });
         }
         let mut job = Self { primitives, weights, skin, slots, key: String::new() };
@@ -169,10 +169,11 @@ impl<'a> Job<'a> {
         if !self.weights.is_empty() {
             morph::apply(&mut part, &first.json, &attributes, &self.weights, &rows)?;
         }
-        if let Some(set) = first.tangents {
-            let generated = usize::try_from(set).is_ok_and(|set| tangents::generate(&mut part, set));
+        if let Some(along) = first.tangents {
+            let generated = tangents::generate(&mut part, along);
             if !generated && !part.triangles.is_empty() {
-                let text = format!("its normal map needs TEXCOORD_{set}, which cannot be used; the map is left out");
+                let text =
+                    format!("its normal map needs TEXCOORD_{}, which cannot be used; the map is left out", along.set);
                 warnings.push(&first.json.at, text);
             }
         }

@@ -3,17 +3,43 @@
 use std::collections::HashMap;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::vertices::{Part, unit, unit_tangent};
+use crate::world::UvTransform;
 
 /// Coordinates beyond this would overflow the products that MikkTSpace makes of them.
 const LARGEST: f32 = 1e8;
 
+/// The texture coordinates that a normal map is looked up with, as far as tangents depend on them: these are
+/// the ones behind the texture's transform, so a map that is turned takes its tangents along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Along {
+    /// Set of texture coordinates.
+    pub(super) set: u32,
+    /// Rows of the linear part of the transform, as bits; lengths are left out where that turns nothing.
+    linear: [u32; 4],
+}
+
+impl Along {
+    pub(super) fn new(set: u32, transform: &UvTransform) -> Self {
+        let turned = transform.rotation != 0.0;
+        let scale = if turned { transform.scale } else { transform.scale.map(f32::signum) };
+        let [[a, b, _], [c, d, _]] = UvTransform { scale, ..*transform }.rows();
+        // Adding zero takes the sign off zeros.
+        Self { set, linear: [a, b, c, d].map(|x| (x + 0.0).to_bits()) }
+    }
+
+    fn of(self, uv: Vec2) -> Vec2 {
+        let [a, b, c, d] = self.linear.map(f32::from_bits);
+        Vec2::new(a * uv.x + b * uv.y, c * uv.x + d * uv.y)
+    }
+}
+
 /// A part seen as MikkTSpace wants it: every triangle with corners of its own.
 struct Corners<'p> {
     part: &'p Part,
-    set: usize,
+    uvs: Vec<Vec2>,
     tangents: Vec<[Vec4; 3]>,
 }
 
@@ -46,7 +72,7 @@ impl Geometry for Corners<'_> {
     }
 
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        self.part.uvs[self.set][self.row(face, corner)].to_array()
+        self.uvs[self.row(face, corner)].to_array()
     }
 
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, corner: usize) {
@@ -56,19 +82,21 @@ impl Geometry for Corners<'_> {
     }
 }
 
-/// Gives a part tangents along set `set` of its texture coordinates.
+/// Gives a part tangents along some texture coordinates.
 ///
 /// A vertex whose triangles disagree is split; triangles that agree go on
 /// sharing it. False, and nothing done, if the part cannot have tangents.
-pub(super) fn generate(part: &mut Part, set: usize) -> bool {
-    let Some(uvs) = part.uvs.get(set).filter(|uvs| !uvs.is_empty()) else { return false };
+pub(super) fn generate(part: &mut Part, along: Along) -> bool {
+    let set = usize::try_from(along.set).ok().and_then(|set| part.uvs.get(set));
+    let Some(uvs) = set.filter(|uvs| !uvs.is_empty()) else { return false };
+    let uvs: Vec<Vec2> = uvs.iter().map(|&uv| along.of(uv)).collect();
     let sound = part.positions.iter().all(|p| p.abs().max_element() <= LARGEST)
-        && uvs.iter().all(|uv| uv.abs().max_element() <= LARGEST);
+        && uvs.iter().all(|uv| uv.is_finite() && uv.abs().max_element() <= LARGEST);
     if !sound {
         return false;
     }
     let tangents = vec![[Vec4::ZERO; 3]; part.triangles.len()];
-    let mut corners = Corners { part, set, tangents };
+    let mut corners = Corners { part, uvs, tangents };
     if generate_tangents(&mut corners).is_err() {
         return false;
     }

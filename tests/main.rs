@@ -1,6 +1,7 @@
 //! One binary, a module per kind of evidence.
 
 mod analytic;
+mod assets;
 mod cli;
 mod common;
 mod determinism;

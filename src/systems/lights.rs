@@ -152,7 +152,7 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
                 mesh.corners(triangle).map(corner).into_iter().fold(0.0, f64::max) + m[row * 4 + 3].abs()
             };
             // And of the test against the triangle, which errs by its extent wherever it lies.
-            let extent = (e1.abs() + e2.abs()).max_element();
+            let extent = e1.abs().max(e2.abs()).max_element();
             let error = std::array::from_fn(|row| (8.0 * f64::from(f32::EPSILON) * (size(row) + 2.0 * extent)) as f32);
             table.push(EmissiveTriangle {
                 instance,

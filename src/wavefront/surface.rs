@@ -210,7 +210,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     let mut ng = e1.cross(e2);
     // A ray is tested against corners relative to its start. What they round by grows with the facet and not with
     // the point: on a plane through the origin the point's own error may well be zero.
-    let mut extent = e1.abs() + e2.abs();
+    let mut extent = V3::new(e1.x.abs().max(e2.x.abs()), e1.y.abs().max(e2.y.abs()), e1.z.abs().max(e2.z.abs()));
     let mut world_corners = corners;
     let mut ns_raw = V3::splat(0.0);
     let mut world_normals = [V3::splat(0.0); 3];
@@ -241,7 +241,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
     // The last addition of an offset rounds once more.
     error = p.abs().scale_add(F::splat(2.0 * UNIT_ROUNDOFF), error);
-    let reach = extent.max_element() * F::splat(gamma(32));
+    let reach = extent.max_element() * F::splat(gamma(16));
     // Edges may be so short that squares of their product vanish; what is left of a normal then faces the ray.
     ng = ng * (F::one() / ng.abs().max_element().max(F::splat(f32::MIN_POSITIVE)));
     let length2 = ng.length_squared();
@@ -375,7 +375,8 @@ fn textured<F: Real>(
             map[2][lane] = 2.0 * texel[2] - 1.0;
             let [a, b, c] = vertices.map(|vertex| mesh.tangents[vertex as usize]);
             (0..3).for_each(|i| tangent[i][lane] = (1.0 - b1 - b2) * a[i] + b1 * b[i] + b2 * c[i]);
-            handed[lane] = a[3];
+            let sign = (1.0 - b1 - b2) * a[3] + b1 * b[3] + b2 * c[3];
+            handed[lane] = if sign < 0.0 { -1.0 } else { 1.0 };
             mapped |= 1 << lane;
         }
     }

@@ -52,7 +52,7 @@ fn spot(degrees: f64) -> Case {
 }
 
 /// E = E₀ cosθ.
-fn sun(degrees: f64) -> Case {
+pub fn sun(degrees: f64) -> Case {
     let mut scene = floor();
     let (sin, cos) = degrees.to_radians().sin_cos();
     let light = DirectionalLight { color: Vec3::ONE, illuminance: Lux(5.0) };
@@ -168,7 +168,7 @@ pub fn cases() -> Vec<Case> {
         sun(45.0),
         sun(80.0),
         area("disc light", disc, 16_384),
-        area("sphere light", TriMesh::sphere(Vec3::new(0.5, 2.0, 0.0), 0.5, 12), 16_384),
+        area("sphere light", TriMesh::sphere(Vec3::new(0.5, 1.5, 0.0), 0.75, 12), 65_536),
         area("wall light across the horizon", wall, 32_768),
         mirrored_instance(),
         textured(),

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 use wavecast::{
-    render::{PixelFilter, RenderSettings, SamplerKind},
+    render::{RenderSettings, SamplerKind},
     world::{Camera, Environment, LocalTransform, Material, Projection, Scene, TriMesh},
 };
 
@@ -27,12 +27,14 @@ pub struct Case {
     /// Mean of all pixels, nit.
     truth: [f64; 3],
     settings: RenderSettings,
+    /// Samples from Sobol's sequence; those of `settings` are independent.
+    sobol: u32,
 }
 
 impl Case {
-    /// A picture of 4×4 pixels with this many independent samples, and an eighth of them from Sobol's sequence.
+    /// A picture of 4×4 pixels with this many independent samples, and a quarter of them from Sobol's sequence.
     fn new(name: &str, scene: Scene, truth: [f64; 3], spp: u32) -> Self {
-        Self { name: name.to_owned(), scene, truth, settings: settings(4, spp) }
+        Self { name: name.to_owned(), scene, truth, settings: settings(4, spp), sobol: (spp / 4).max(2) }
     }
 
     /// The same in all channels.
@@ -61,9 +63,8 @@ const SEEDS: std::ops::Range<u64> = 1000..1016;
 
 /// Measures a case: a trial per channel, or one if the channels are alike.
 fn trials(case: &mut Case, sampler: SamplerKind) -> Vec<Trial> {
-    let spp = case.settings.spp.expect("cases stop by samples");
-    let spp = if sampler == SamplerKind::Sobol { (spp / 8).max(2) } else { spp };
-    let pictures = means(&mut case.scene, &RenderSettings { sampler, spp: Some(spp), ..case.settings.clone() }, SEEDS);
+    let spp = if sampler == SamplerKind::Sobol { Some(case.sobol) } else { case.settings.spp };
+    let pictures = means(&mut case.scene, &RenderSettings { sampler, spp, ..case.settings.clone() }, SEEDS);
     let name = |channel: &str| format!("{}{channel} · {sampler:?}", case.name);
     let [r, g, b] = case.truth;
     if r == g && g == b {
@@ -86,10 +87,7 @@ fn closed_forms_hold_to_a_thousandth_and_to_the_noise() {
     let mut family = Vec::new();
     for mut case in cases() {
         for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
-            let start = std::time::Instant::now();
-            let trials = trials(&mut case, sampler);
-            println!("{} took {:.2} s", trials[0].name, start.elapsed().as_secs_f64());
-            family.extend(trials);
+            family.extend(trials(&mut case, sampler));
         }
     }
     match check_family(&family, 0.01) {
@@ -116,6 +114,19 @@ fn the_check_of_closed_forms_finds_small_errors() {
     assert!(check_family(&trials(&mut case, SamplerKind::Sobol), 0.01).is_err(), "within 0.1 %, but not by chance");
 }
 
+/// A large facet through the origin: a point on it rounds by nothing there, but the test against it does, so that rays
+/// which left the point's own error alone met the facet again and the sun at 80° lost a third of its light.
+#[test]
+fn a_facet_through_the_origin_does_not_shade_itself() {
+    for degrees in [0.0, 60.0, 80.0, 89.0] {
+        let mut case = lights::sun(degrees);
+        let rendered = picture(&mut case.scene, &settings(16, 16));
+        for rgb in &rendered.picture.rgb {
+            assert!((f64::from(rgb[0]) / case.truth[0] - 1.0).abs() < 1e-5, "{degrees}°: {rgb:?}");
+        }
+    }
+}
+
 /// What a white furnace and clear glass leave of a uniform sky: all of it, in every single pixel.
 #[track_caller]
 fn check_vanishes(mesh: TriMesh, material: Material, spp: u32) {
@@ -123,7 +134,10 @@ fn check_vanishes(mesh: TriMesh, material: Material, spp: u32) {
     let mut scene = Scene::new();
     show(&mut scene, mesh, material);
     scene.spawn((Environment::constant(radiance),));
-    look(&mut scene, DVec3::new(3.0, 2.0, 4.0), DVec3::ZERO, 30.0);
+    // Of a sphere the part where a ray that entered is far from being reflected totally: facets by the rim can trap it
+    // for longer than roulette spares it, and then the pixel is right only in the mean.
+    let eye = DVec3::new(3.0, 2.0, 4.0);
+    look_at_square(&mut scene, eye, DVec3::ZERO, DVec3::Y, 0.5);
     let rendered = picture(&mut scene, &settings(32, spp));
     for (i, rgb) in rendered.picture.rgb.iter().enumerate() {
         let off = (Vec3::from(*rgb) / radiance - 1.0).abs().max_element();
@@ -142,7 +156,7 @@ fn white_diffuse_objects_vanish_in_a_uniform_sky() {
 #[test]
 fn clear_glass_vanishes_in_a_uniform_sky() {
     for ior in [1.1, 1.5, 2.4] {
-        check_vanishes(flat_sphere(1.0, 12), Material::glass(ior), 64);
+        check_vanishes(flat_sphere(1.0, 48), Material::glass(ior), 64);
         check_vanishes(TriMesh::cuboid(Vec3::splat(-1.0), Vec3::ONE), Material::glass(ior), 64);
         check_vanishes(flat_sphere(1.0, 12), Material { thickness: 0.0, ..Material::glass(ior) }, 64);
     }
@@ -197,10 +211,4 @@ fn ceiling(min: Vec3, side: f32) -> (TriMesh, [DVec3; 3]) {
 /// The radiance of a diffuse surface of albedo `rho` at an irradiance, lx.
 fn lambert(rho: f32, irradiance: f64) -> f64 {
     f64::from(rho) * irradiance / PI
-}
-
-/// The box filter is what makes the mean of all pixels the mean of the film.
-#[test]
-fn pixels_of_the_cases_share_no_light() {
-    assert_eq!(settings(4, 1).filter, PixelFilter::Box);
 }

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use wavecast::world::{Environment, Material, Scene, TriMesh};
 
 use super::{Case, flat_sphere, look_at_square, oracle::fresnel, plane};
-use crate::common::{look, show};
+use crate::common::show;
 
 fn under_sky(mesh: TriMesh, material: Material) -> Scene {
     let mut scene = Scene::new();
@@ -30,7 +30,7 @@ fn thin_plate(specular_color: Vec3) -> Case {
 fn slab(ior: f32) -> Case {
     let color = Vec3::new(0.5, 0.25, 0.75);
     let glass = Material { attenuation_distance: 0.5, attenuation_color: color, ..Material::glass(ior) };
-    let mut scene = under_sky(TriMesh::cuboid(Vec3::new(-8.0, 0.0, -8.0), Vec3::new(8.0, 0.75, 8.0)), glass);
+    let mut scene = under_sky(TriMesh::cuboid(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 0.75, 1.0)), glass);
     look_at_square(&mut scene, 4.0 * DVec3::Y, DVec3::ZERO, DVec3::NEG_Z, 0.5);
     let r = fresnel(f64::from(ior), 1.0);
     let truth = color.as_dvec3().to_array().map(|c| {
@@ -40,10 +40,10 @@ fn slab(ior: f32) -> Case {
     Case::new(&format!("absorbing slab, index {ior}"), scene, truth, 32_768)
 }
 
-/// Nothing is lost in clear glass.
+/// Nothing is lost in clear glass: but for rays by the rim, see `check_vanishes`, in no pixel.
 fn sphere() -> Case {
-    let mut scene = under_sky(flat_sphere(1.0, 24), Material::glass(1.5));
-    look(&mut scene, DVec3::new(0.5, 1.0, 3.0), DVec3::ZERO, 40.0);
+    let mut scene = under_sky(flat_sphere(1.0, 48), Material::glass(1.5));
+    look_at_square(&mut scene, DVec3::new(0.5, 1.0, 3.0), DVec3::ZERO, DVec3::Y, 0.5);
     Case::gray("glass sphere in a uniform sky", scene, 2.0, 256)
 }
 

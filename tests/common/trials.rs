@@ -60,7 +60,7 @@ pub fn student_two_sided(t: f64, dof: f64) -> f64 {
 pub fn check_family(trials: &[Trial], alpha: f64) -> Result<String, String> {
     let level = sidak(alpha, trials.len());
     let mut table =
-        format!("{:48} {:>12} {:>12} {:>9} {:>9} {:>6} {:>8}\n", "", "truth", "mean", "error", "noise", "t", "p");
+        format!("{:60} {:>12} {:>12} {:>9} {:>9} {:>6} {:>8}\n", "", "truth", "mean", "error", "noise", "t", "p");
     let mut failed = 0;
     for trial in trials {
         let sound = trial.relative_error().abs() <= TOLERANCE && trial.p() >= level;
@@ -68,11 +68,16 @@ pub fn check_family(trials: &[Trial], alpha: f64) -> Result<String, String> {
         let [truth, mean, error, noise] =
             [trial.truth, trial.got.mean, 100.0 * trial.relative_error(), 100.0 * trial.relative_noise()];
         let (t, p, mark) = (trial.t(), trial.p(), if sound { "" } else { " FAILED" });
-        writeln!(table, "{:48} {truth:12.6} {mean:12.6} {error:8.4}% {noise:8.4}% {t:6.2} {p:8.5}{mark}", trial.name)
+        writeln!(table, "{:60} {truth:12.6} {mean:12.6} {error:8.4}% {noise:8.4}% {t:6.2} {p:8.5}{mark}", trial.name)
             .expect("a string takes it");
     }
     writeln!(table, "{failed} of {} failed, level of each {level:.2e}", trials.len()).expect("a string takes it");
     if failed == 0 { Ok(table) } else { Err(table) }
+}
+
+/// Samples times `EVIDENCE_SCALE` of the environment, for a longer look.
+pub fn scaled(spp: u32) -> u32 {
+    spp * std::env::var("EVIDENCE_SCALE").ok().and_then(|scale| scale.parse().ok()).unwrap_or(1)
 }
 
 /// The mean over all pixels of a picture for each seed, by channel.

@@ -7,7 +7,10 @@ use wavecast::{
     world::{Camera, LocalTransform, Material, MaterialSlots, Projection, Scene, SceneKey, TriMesh},
 };
 
-use crate::common::{show, trials::means};
+use crate::common::{
+    show,
+    trials::{means, scaled},
+};
 
 /// A pedestal whose top is a patch; nothing can reach the back of the patch, so that its one side is all there is.
 #[derive(Clone, Copy)]
@@ -80,7 +83,7 @@ fn transfer(emitter: usize, seeds: std::ops::Range<u64>, scale: f64) -> [Moments
     let settings = RenderSettings {
         width: 8,
         height: 8,
-        spp: Some(1024),
+        spp: Some(scaled(4096)),
         filter: PixelFilter::Box,
         sampler: SamplerKind::Sobol,
         ..RenderSettings::default()
@@ -91,7 +94,7 @@ fn transfer(emitter: usize, seeds: std::ops::Range<u64>, scale: f64) -> [Moments
 }
 
 /// # Errors
-/// If there is a channel in which the two ways differ by more than chance (1 % for the three) or half a per cent, or
+/// If there is a channel in which the two ways differ by more than chance (1 % for the three) or one per cent, or
 /// noise is too great to tell.
 fn compare(there: &[Moments; 3], back: &[Moments; 3]) -> Result<String, String> {
     let mut lines = Vec::new();
@@ -100,7 +103,7 @@ fn compare(there: &[Moments; 3], back: &[Moments; 3]) -> Result<String, String> 
         let noise = a.standard_error().hypot(b.standard_error()) / b.mean;
         let difference = a.mean / b.mean - 1.0;
         let p = normal_two_sided(difference / noise);
-        alike &= p > 0.01 / 3.0 && noise < 0.002 && difference.abs() < 0.005;
+        alike &= p > 0.01 / 3.0 && noise < 0.004 && difference.abs() < 0.01;
         lines.push(format!("{:.6} and {:.6}: {:.3}% ± {:.3}%", a.mean, b.mean, 100.0 * difference, 100.0 * noise));
     }
     let table = lines.join("\n");
@@ -110,7 +113,7 @@ fn compare(there: &[Moments; 3], back: &[Moments; 3]) -> Result<String, String> 
 /// A_B · (mean radiance of patch B while A emits) = A_A · (mean radiance of A while B emits), for the same albedo and
 /// emission of both: the transfer is symmetric if each BSDF is, through any number of scatterings.
 ///
-/// As a negative control, one way scaled by a per cent is found.
+/// As a negative control, one way scaled by two per cent is found.
 #[test]
 fn emitter_and_receiver_can_be_exchanged() {
     let (there, back) = (transfer(0, 300..316, 1.0), transfer(1, 400..416, 1.0));
@@ -118,5 +121,5 @@ fn emitter_and_receiver_can_be_exchanged() {
         Ok(table) => println!("{table}"),
         Err(table) => panic!("{table}"),
     }
-    assert!(compare(&transfer(0, 300..316, 1.01), &back).is_err());
+    assert!(compare(&transfer(0, 300..316, 1.02), &back).is_err());
 }

@@ -73,7 +73,8 @@ fn camera(scene: &mut Scene) {
     look(scene, DVec3::new(0.6, 1.9, 4.6), DVec3::new(0.0, 0.6, 0.0), 38.0);
 }
 
-/// A sphere with tangents along its parallels.
+/// A sphere with tangents along its parallels; facets on the equator have both signs of the bitangent, and the
+/// interpolated one decides.
 fn sphere_with_tangents(rings: u32) -> TriMesh {
     let mut mesh = TriMesh::sphere(Vec3::ZERO, 0.7, rings);
     mesh.tangents = mesh.uvs[0]

@@ -70,7 +70,7 @@ pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let mut console = Console::new(cli.common.quiet, cli.common.json);
     if cfg!(all(target_arch = "x86_64", not(target_feature = "avx2"))) {
-        console.warn(
+        console.note(
             "this build is slow: it was compiled without AVX2, most likely because RUSTFLAGS replaced the setting in \
              .cargo/config.toml; add -C target-cpu=x86-64-v3 to it",
         );

@@ -128,9 +128,12 @@ pub fn sample<F: Real>(
         // Reflected rays start at the lifted point, those through the surface at the point itself.
         let in_front = (target - surface.lifted).dot(surface.frame.n).gt(F::zero());
         let from = V3::select(in_front, surface.lifted, surface.p);
+        // What lies between the two planes is in front of the point alone: no ray reaches it, as scattered ones leave
+        // from the lifted point too.
+        let behind = (target - surface.p).dot(surface.frame.n).lt(F::zero());
         let to_light = target - from;
         let distance2 = to_light.length_squared();
-        let apart = distance2.gt(F::splat(f32::MIN_POSITIVE));
+        let apart = distance2.gt(F::splat(f32::MIN_POSITIVE)) & (in_front | behind);
         let distance2 = F::select(apart, distance2, F::one());
         let direction = to_light * (F::one() / distance2.sqrt());
         wi = V3::select(near, direction, wi);

@@ -314,6 +314,15 @@ pub fn coarse() -> Scene {
     scene
 }
 
+/// The rim of a coarse sphere, lit by nothing but a lamp that is just above its horizon.
+pub fn rim() -> Scene {
+    let mut scene = Scene::new();
+    ceiling_lamp(&mut scene, 1.5);
+    show(&mut scene, TriMesh::sphere(Vec3::new(1.0, 0.8, 0.3), 0.8, 4), Material::lambert(Vec3::new(0.8, 0.5, 0.4)));
+    look(&mut scene, DVec3::new(0.6, 1.9, 4.6), DVec3::new(1.65, 1.05, 0.3), 8.0);
+    scene
+}
+
 /// The settings shared by all: what differs is set by the test.
 pub fn settings() -> RenderSettings {
     RenderSettings { width: 16, height: 16, tile_size: 8, ..RenderSettings::default() }

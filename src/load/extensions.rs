@@ -73,27 +73,17 @@ fn status(name: &str) -> ExtensionStatus {
     }
 }
 
-impl Document<'_> {
-    /// Whether the file lists the extension as required.
-    pub(super) fn requires(&self, name: &str) -> bool {
-        let required = self.root.value.get("extensionsRequired").and_then(|list| list.as_array());
-        required.is_some_and(|list| list.iter().any(|entry| entry.as_str() == Some(name)))
-    }
-}
-
 /// Lists the file's extensions, with a warning for each that the picture lacks.
 ///
 /// # Errors
-/// If the file requires one that is not supported. Texture sources are let
-/// through here: a texture with a plain image does without.
+/// If the file requires one that is not supported.
 pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<Vec<ExtensionUse>, LoadError> {
     let (mut uses, mut seen) = (Vec::new(), HashSet::new());
     let [required, used] = ["extensionsRequired", "extensionsUsed"].map(|key| document.root.list(key));
     for entry in required? {
         let name = entry.string()?.to_owned();
         let status = status(&name);
-        let dispensable = TEXTURE_SOURCES.contains(&&*name) || METADATA.contains(&&*name);
-        if !dispensable && status != ExtensionStatus::Read {
+        if status != ExtensionStatus::Read && !METADATA.contains(&&*name) {
             return Err(LoadError::RequiredExtension { at: entry.at, name });
         }
         if seen.insert(name.clone()) {

@@ -66,9 +66,6 @@ pub(super) fn decode_all(
             Some(Decoded::Texels(image)) => Some(Arc::new(image)),
             Some(Decoded::Foreign(extension)) => {
                 let at = document.root.at.join(IMAGES.key).join(index);
-                if document.requires(extension) {
-                    return Err(LoadError::RequiredExtension { at, name: extension.to_owned() });
-                }
                 warnings.push(&at, format!("its format needs {extension}, which is not supported; left out"));
                 None
             }

@@ -84,10 +84,7 @@ fn read_source(
         return Ok(Some(image));
     }
     for name in TEXTURE_SOURCES {
-        if let Some(extension) = texture.extension(name)? {
-            if document.requires(name) {
-                return Err(LoadError::RequiredExtension { at: extension.at, name: (*name).to_owned() });
-            }
+        if texture.extension(name)?.is_some() {
             warnings.push(&texture.at, format!("its only image needs {name}, which is not supported; left out"));
             return Ok(None);
         }

@@ -62,8 +62,8 @@ fn check_sound(path: &Path, loaded: &Loaded) {
     }
 }
 
-/// What the loader reads; `EXT_texture_webp` has a plain PNG beside it in the file that requires it.
-const SUPPORTED: [&str; 10] = [
+/// What the loader reads.
+const SUPPORTED: [&str; 9] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -73,7 +73,6 @@ const SUPPORTED: [&str; 10] = [
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
-    "EXT_texture_webp",
 ];
 
 #[test]
@@ -97,8 +96,7 @@ fn every_asset_loads_or_names_the_extension_it_requires() {
                 loaded_files += 1;
             }
             Err(LoadError::RequiredExtension { name, .. }) => {
-                // The Sponza twin's textures have WebP alone; the rest is refused at once.
-                assert!(beyond.contains(&&name) || name == "EXT_texture_webp", "{}: {name}", path.display());
+                assert!(beyond.contains(&&name), "{}: {name}", path.display());
                 *refused.entry(name).or_default() += 1;
             }
             Err(error) => panic!("{error} ({error:?})"),

@@ -124,27 +124,23 @@ fn modes(subjects: &[Subject], runs: usize, threads: usize) -> String {
         check_same_picture(subject, &settings);
         let scene = subject.renderer.scene();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads for the reference");
+        let reference_settings = ReferenceSettings {
+            width: SIZE / 2,
+            height: SIZE / 2,
+            spp: 2,
+            filter: PixelFilter::Box,
+            ..ReferenceSettings::default()
+        };
+        let tracer = reference::Tracer::new(scene, &reference_settings);
         let (mut wave, mut single, mut slow) = (Vec::new(), Vec::new(), Vec::new());
         let (mut gain, mut over_reference) = (Vec::new(), Vec::new());
         for _ in 0..runs {
             let w = timed(|| wavefront::render(scene, &settings, &()));
             let s = timed(|| wavefront::render_one_path(scene, &settings, &()));
-            let reference_settings = ReferenceSettings {
-                width: SIZE / 4,
-                height: SIZE / 4,
-                spp: 2,
-                filter: PixelFilter::Box,
-                ..ReferenceSettings::default()
-            };
-            let prepared = Instant::now();
-            let tracer = reference::Tracer::new(scene, &reference_settings);
-            let build = prepared.elapsed();
-            drop(tracer);
             let start = Instant::now();
-            pool.install(|| reference::render(scene, &reference_settings));
-            // The reference builds its own tree in `render`; that is not part of its speed.
-            let seconds = (start.elapsed().saturating_sub(build)).as_secs_f64().max(1e-3);
-            let r = f64::from(SIZE * SIZE / 16 * 2) / seconds;
+            let picture = pool.install(|| reference::render_with(&tracer, scene, &reference_settings));
+            let paths = picture.rgb.len() as f64 * f64::from(picture.samples);
+            let r = paths / start.elapsed().as_secs_f64();
             wave.push(w);
             single.push(s);
             slow.push(r);

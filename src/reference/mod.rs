@@ -19,7 +19,7 @@ mod texture;
 mod trace;
 
 pub use self::{
-    render::{ReferencePicture, ReferenceSettings, render},
+    render::{ReferencePicture, ReferenceSettings, render, render_with},
     rng::Rng,
     trace::Tracer,
 };

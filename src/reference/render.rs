@@ -64,11 +64,15 @@ pub struct ReferencePicture {
 
 /// Renders `scene`; the same settings give the same picture, bit for bit.
 pub fn render(scene: &FlatScene, settings: &ReferenceSettings) -> ReferencePicture {
-    let tracer = Tracer::new(scene, settings);
+    render_with(&Tracer::new(scene, settings), scene, settings)
+}
+
+/// [`render`] by a tracer that was made before, of the same scene and settings.
+pub fn render_with(tracer: &Tracer, scene: &FlatScene, settings: &ReferenceSettings) -> ReferencePicture {
     let pixels: Vec<_> = (0..settings.height)
         .into_par_iter()
         .flat_map_iter(|y| (0..settings.width).map(move |x| (x, y)))
-        .map(|(x, y)| pixel(scene, settings, &tracer, x, y))
+        .map(|(x, y)| pixel(scene, settings, tracer, x, y))
         .collect();
     let (rgb, variance) = pixels.into_iter().unzip();
     ReferencePicture { width: settings.width, height: settings.height, rgb, variance, samples: settings.spp }

@@ -7,14 +7,20 @@ use super::{
 use crate::accel::{Accel, Coverage, Stacks};
 
 /// Fills `hits` with the nearest hit of each row of `paths`; where something `blends`, rays are named.
-pub fn intersect<C: Coverage>(accel: &Accel, paths: &PathQueue, blends: bool, coverage: &C, hits: &mut HitQueue) {
+pub fn intersect<C: Coverage>(
+    accel: &Accel,
+    paths: &PathQueue,
+    blends: bool,
+    coverage: &C,
+    stacks: &mut Stacks,
+    hits: &mut HitQueue,
+) {
     hits.clear();
-    let mut stacks = Stacks::default();
     for i in 0..paths.len() {
         let origin = [paths.ox[i], paths.oy[i], paths.oz[i]];
         let direction = [paths.dx[i], paths.dy[i], paths.dz[i]];
         let id = if !blends { 0 } else { ray_id(paths.pixel_hash[i], paths.sample[i], paths.depth[i], 0) };
-        let hit = accel.nearest(origin, direction, paths.t_max[i], id, coverage, &mut stacks);
+        let hit = accel.nearest(origin, direction, paths.t_max[i], id, coverage, stacks);
         hits.push(HitRow {
             t: hit.t,
             b1: hit.b1,

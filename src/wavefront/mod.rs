@@ -55,7 +55,7 @@ use self::{
 };
 pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render};
 use crate::{
-    accel::{Coverage, Solid},
+    accel::{Coverage, Solid, Stacks},
     bsdf::{Lambert, Opaque, Transmissive},
     film::{Tile, Unit},
     flat::{FlatScene, SceneNeeds, ShadingClass},
@@ -130,6 +130,7 @@ pub struct Worker {
     shadows: ShadowQueue,
     order: Order,
     alive: Vec<u32>,
+    stacks: Stacks,
     /// What this worker did.
     counters: Counters,
 }
@@ -152,9 +153,17 @@ impl Worker {
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
         let mut cursor = Cursor { sample: from, end: to, pixel: 0 };
-        let Self { paths, next, hits, shadows, order, alive, counters } = self;
+        let Self { paths, next, hits, shadows, order, alive, stacks, counters } = self;
         paths.clear();
         next.clear();
+        // Once, so that no stage allocates however the paths of a wave turn out.
+        let rows = settings.wave_size.min(tile.pixels() * (to - from) as usize);
+        paths.reserve(rows);
+        next.reserve(rows);
+        hits.reserve(rows);
+        shadows.reserve(rows);
+        order.reserve(rows);
+        alive.reserve(rows.saturating_sub(alive.len()));
         loop {
             // Half a wave of survivors is topped up at once rather than a few rows at a time.
             if paths.len() <= settings.wave_size / 2 && cursor.sample < cursor.end {
@@ -173,7 +182,7 @@ impl Worker {
                 break;
             }
             counters.time(Stage::Intersect, paths.len(), |_| {
-                intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
+                intersect::intersect(&scene.accel, paths, settings.blends, coverage, stacks, hits);
             });
             counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, order));
             if settings.absorbs {
@@ -242,7 +251,7 @@ impl Worker {
             if !shadows.is_empty() {
                 counters.rays.shadow += shadows.len() as u64;
                 counters.time(Stage::Connect, shadows.len(), |_| {
-                    connect::connect(&scene.accel, shadows, coverage, &mut tally);
+                    connect::connect(&scene.accel, shadows, coverage, stacks, &mut tally);
                 });
             }
             paths.clear();

@@ -20,6 +20,13 @@ pub struct Order {
 }
 
 impl Order {
+    /// Makes room for waves of so many rows.
+    pub fn reserve(&mut self, rows: usize) {
+        let columns = [&mut self.rows, &mut self.materials, &mut self.emissive];
+        columns.into_iter().for_each(|column| column.reserve(rows.saturating_sub(column.len())));
+        self.keys.reserve(rows.saturating_sub(self.keys.len()));
+    }
+
     /// Rows with this key.
     pub fn run(&self, key: usize) -> &[u32] {
         &self.rows[self.starts[key]..self.starts[key + 1]]

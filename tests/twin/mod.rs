@@ -2,21 +2,22 @@
 
 mod scenes;
 
-use std::{fs, path::PathBuf};
+use std::{fs, path::PathBuf, sync::Arc};
 
 use glam::DVec3;
 use wavecast::{
     film::{self, Picture, WriteOptions},
     flat::FlatScene,
+    load::load_environment,
     measure::statistics::{Moments, normal_two_sided, sidak},
     reference::{self, ReferenceSettings},
     render::{PixelFilter, RenderSettings, Renderer, SamplerKind},
     wavefront,
-    world::{Material, Scene, SceneKey},
+    world::{Environment, Material, Scene, SceneKey, Sky},
 };
 
 use crate::common::{
-    load_scene, root,
+    asset, load_scene, look, root,
     trials::{scaled, student_two_sided},
 };
 
@@ -137,7 +138,7 @@ impl Comparison {
 }
 
 /// Comparisons in this file, whose means are tested as one family.
-const SCENES: usize = 20;
+const SCENES: usize = 27;
 
 /// Writes the pictures of a failed comparison and says where.
 fn write_failure(name: &str, size: (u32, u32), got: &Estimate, want: &Estimate, comparison: &Comparison) -> String {
@@ -274,6 +275,37 @@ fn twins_agree_on_the_shadow_terminator() {
         let settings = RenderSettings { terminator_fix: fix, ..scenes::settings() };
         check_twins(&format!("terminator-{fix}"), &mut scenes::coarse(), &settings, 1024, RESOLUTION);
     }
+}
+
+/// A file of the asset pack, seen from `eye`, under a sky of the pack.
+fn asset_under_sky(path: &str, eye: DVec3, target: DVec3) -> Option<Scene> {
+    let mut scene = load_scene(&asset(path)?);
+    let (map, _) = load_environment(&asset("_hdr/venice_sunset_1k.hdr")?).expect("the pack's sky is sound");
+    scene.spawn((Environment { sky: Sky::Map(Arc::new(map)), rotation_degrees: 0.0, scale: 1.0 },));
+    scene.active_camera = Some(look(&mut scene, eye, target, 45.0));
+    Some(scene)
+}
+
+/// Its lamp hangs just below the ceiling and shines upwards too: the few paths that get into the gap are bright dots,
+/// which the reference must find as often.
+#[test]
+fn twins_agree_on_the_pack_s_cornell_box() {
+    let Some(path) = asset("CornellBox/CornellBox.glb") else { return };
+    check_twins("pack-cornell", &mut load_scene(&path), &scenes::settings(), 1024, 4.0 * RESOLUTION);
+}
+
+#[test]
+fn twins_agree_on_the_helmet() {
+    let path = "DamagedHelmet/glTF-Binary/DamagedHelmet.glb";
+    let Some(mut scene) = asset_under_sky(path, DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO) else { return };
+    check_twins("helmet", &mut scene, &scenes::settings(), 512, RESOLUTION);
+}
+
+#[test]
+fn twins_agree_on_sponza() {
+    let (eye, target) = (DVec3::new(0.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 0.0));
+    let Some(mut scene) = asset_under_sky("Sponza/Sponza.glb", eye, target) else { return };
+    check_twins("sponza", &mut scene, &scenes::settings(), 256, 3.0 * RESOLUTION);
 }
 
 /// Negative control: the check of the twins finds albedos off by a tenth, and a second bounce that is missing.

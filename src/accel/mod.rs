@@ -5,12 +5,16 @@
 //! back, no coverage) is decided by a [`Coverage`], a type that compiles to nothing
 //! for scenes that are solid throughout.
 
+mod brute;
 mod bvh8;
+mod structure;
 mod triangle;
 mod two_level;
 
 pub use self::{
+    brute::Brute,
     bvh8::{Bvh8, Quality},
+    structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
 };

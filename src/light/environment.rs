@@ -154,8 +154,7 @@ impl EnvironmentTable {
 
     /// A unit direction in world space with probability by luminance, its density (1/sr) and its radiance (nit).
     ///
-    /// `u` and the first of `v` choose the texel, what is left of them and the second of `v` a direction inside,
-    /// uniform in solid angle.
+    /// `u`, of many more than 24 bits, chooses the texel, `v` a direction inside, uniform in solid angle.
     ///
     /// A direction drawn near an edge may round into the next texel. Density and radiance are those of the texel that
     /// the rounded direction meets, looked up if it is near an edge: bit for bit what [`EnvironmentTable::look_up`] says of it. So weights against other
@@ -166,8 +165,9 @@ impl EnvironmentTable {
     /// # Panics
     /// If the whole map is black.
     #[inline]
-    pub fn sample(&self, u: f32, v: (f32, f32)) -> ([f32; 3], f32, [f32; 3]) {
-        let (texel, along) = self.choice.sample_fine((u, v.0));
+    pub fn sample(&self, u: f64, v: (f32, f32)) -> ([f32; 3], f32, [f32; 3]) {
+        let (texel, _) = self.choice.sample(u);
+        let along = v.0;
         // The texel is fetched before it is sure to be the right one.
         let drawn = self.texels[texel as usize];
         let (row, column) = (texel / self.width, texel % self.width);

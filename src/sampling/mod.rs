@@ -14,4 +14,4 @@ pub mod warp;
 
 pub use filter::{FilterTable, filter_offset};
 pub use sampler::Sampler;
-pub use table::AliasTable;
+pub use table::{AliasTable, lengthen};

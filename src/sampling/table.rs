@@ -91,27 +91,13 @@ impl AliasTable {
 
     /// A row, and what is left of `u` as a new number in [0, 1).
     ///
-    /// A number of 24 bits draws a row of probability p with an error of up to 2⁻²⁴ in p: where the typical row has
-    /// less than 2⁻¹², use [`AliasTable::sample_fine`].
+    /// Rows are drawn and the rest is spread as finely as `u` is: 24 bits are too few for thousands of rows, or for what
+    /// is left to choose among thousands of others. [`lengthen`] makes 52 of them.
     ///
     /// # Panics
     /// If the table is empty.
     #[inline(always)]
-    pub fn sample(&self, u: f32) -> (u32, f32) {
-        // The middle of the number's cell: at its lower end, rows too improbable for 24 bits would be drawn too often.
-        self.draw(f64::from(u) + 0.5 * CELL)
-    }
-
-    /// As [`AliasTable::sample`], by the 48 bits of two numbers: right for any number of rows.
-    ///
-    /// The second number is used up with the first.
-    #[inline(always)]
-    pub fn sample_fine(&self, u: (f32, f32)) -> (u32, f32) {
-        self.draw(f64::from(u.0) + (f64::from(u.1) + 0.5 * CELL) * CELL)
-    }
-
-    #[inline(always)]
-    fn draw(&self, u: f64) -> (u32, f32) {
+    pub fn sample(&self, u: f64) -> (u32, f64) {
         let x = u * self.len() as f64;
         // A product with u < 1 may round up to the number of rows.
         let column = (x as usize).min(self.len() - 1);
@@ -122,12 +108,17 @@ impl AliasTable {
         let row = select_unpredictable(own, column as u32, alias);
         let start = select_unpredictable(own, 0.0, threshold);
         let share = select_unpredictable(own, threshold, 1.0 - threshold);
-        (row, (((u - start) / share) as f32).min(1.0 - f32::EPSILON / 2.0))
+        (row, ((u - start) / share).min(1.0 - f64::EPSILON / 2.0))
     }
 }
 
-/// Distance between neighbours among the numbers of 24 bits.
-const CELL: f64 = 1.0 / 16_777_216.0;
+/// A number of 24 bits with 28 of `more` behind them, in the middle of its cell.
+///
+/// The 24 may be stratified; the others need only be independent of them.
+#[inline(always)]
+pub fn lengthen(u: f32, more: u32) -> f64 {
+    f64::from(u) + (f64::from(more >> 4) + 0.5) * (1.0 / (1_u64 << 52) as f64)
+}
 
 #[cfg(test)]
 mod tests {
@@ -136,6 +127,11 @@ mod tests {
         measure::statistics::{Moments, chi_square_test},
         sampling::tests::numbers,
     };
+
+    /// A long number of two short ones.
+    fn long(u: (f32, f32)) -> f64 {
+        lengthen(u.0, (f64::from(u.1) * f64::from(u32::MAX)) as u32)
+    }
 
     /// Probability of each row that the columns hold, exactly as they would be drawn by a real number.
     fn drawn(table: &AliasTable) -> Vec<f64> {
@@ -163,7 +159,7 @@ mod tests {
             assert!(weights[row] > 0.0 || p == 0.0, "row {row} of weight 0 can be drawn");
         }
         for u in [0.0, f32::MIN_POSITIVE, 0.5, 1.0 - f32::EPSILON / 2.0] {
-            for (row, rest) in [table.sample(u), table.sample_fine((u, u)), table.sample_fine((u, 0.0))] {
+            for (row, rest) in [0, 1 << 31, u32::MAX].map(|more| table.sample(lengthen(u, more))) {
                 assert!(table.pmf(row) > 0.0 && (0.0..1.0).contains(&rest), "{u}: {row} {rest}");
             }
         }
@@ -201,7 +197,7 @@ mod tests {
         let die = AliasTable::new(&[1.0; 6]);
         let (mut counts, mut rest) = ([0u64; 6], [0u64; 32]);
         let mut moments = [Moments::default(); 3];
-        for (u, _) in numbers(4, 600_000) {
+        for u in numbers(4, 600_000).map(long) {
             let (row, left) = die.sample(u);
             assert_eq!(die.pmf(row), 1.0 / 6.0);
             counts[row as usize] += 1;
@@ -223,22 +219,38 @@ mod tests {
         let weights: Vec<f32> = (0..100).map(|i| ((i * 37) % 101) as f32 * (i % 3) as f32).collect();
         let table = AliasTable::new(&weights);
         let expected: Vec<f64> = weights.iter().copied().map(f64::from).collect();
-        let (mut coarse, mut fine, mut rest) = (vec![0u64; 100], vec![0u64; 100], [0u64; 32]);
-        for u in numbers(5, 400_000) {
-            coarse[table.sample(u.0).0 as usize] += 1;
-            let (row, left) = table.sample_fine(u);
-            fine[row as usize] += 1;
+        let (mut counts, mut rest) = (vec![0u64; 100], [0u64; 32]);
+        for u in numbers(5, 400_000).map(long) {
+            let (row, left) = table.sample(u);
+            counts[row as usize] += 1;
             rest[(left * 32.0) as usize] += 1;
         }
-        assert!(chi_square_test(&coarse, &expected).p > 1e-4);
-        assert!(chi_square_test(&fine, &expected).p > 1e-4);
+        assert!(chi_square_test(&counts, &expected).p > 1e-4);
         assert!(chi_square_test(&rest, &[1.0; 32]).p > 1e-4);
     }
 
-    /// With more rows than 24 bits can tell apart, 48 still draw them rightly: checked over blocks of rows, within
+    /// What is left of a choice makes another, among 2¹⁹ rows, half of them bright: as a light is chosen, and then a
+    /// texel of the sky. A rest of too few bits draws the dark half a tenth too often, or too seldom.
+    #[test]
+    fn the_rest_of_a_choice_makes_another_rightly() {
+        let texels: Vec<f32> = (0..1 << 19).map(|i| if i < 1 << 18 { 1.0 } else { 0.1 }).collect();
+        let texels = AliasTable::new(&texels);
+        for lights in [1, 2, 3, 16, 1000] {
+            let lights = AliasTable::new(&vec![1.0; lights]);
+            let mut halves = [0u64; 2];
+            for u in numbers(8, 400_000).map(long) {
+                let (_, rest) = lights.sample(u);
+                halves[texels.sample(rest).0 as usize >> 18] += 1;
+            }
+            let test = chi_square_test(&halves, &[10.0, 1.0]);
+            assert!(test.p > 1e-4, "{} lights: {halves:?}, {test:?}", lights.len());
+        }
+    }
+
+    /// With more rows than 24 bits can tell apart, 52 still draw them rightly: checked over blocks of rows, within
     /// blocks, and by what is left over.
     #[test]
-    fn a_million_rows_are_drawn_by_two_numbers() {
+    fn a_million_rows_are_drawn_rightly() {
         let n = 3_000_000;
         let weights: Vec<f32> = (0..n).map(|i| if i % 5 == 0 { 0.0 } else { 1.0 + (i % 11) as f32 }).collect();
         let table = AliasTable::new(&weights);
@@ -248,8 +260,8 @@ mod tests {
             expected.1[i % 55] += f64::from(*weight);
         }
         let mut observed = (vec![0u64; 64], vec![0u64; 55], [0u64; 64]);
-        for u in numbers(6, 400_000) {
-            let (row, left) = table.sample_fine(u);
+        for u in numbers(6, 400_000).map(long) {
+            let (row, left) = table.sample(u);
             assert!(table.pmf(row) > 0.0);
             observed.0[row as usize * 64 / n] += 1;
             observed.1[row as usize % 55] += 1;
@@ -268,7 +280,7 @@ mod tests {
         let table = AliasTable::new(&weights);
         let mut last = 0;
         for i in 0..100_000 {
-            let row = table.sample(i as f32 / 100_000.0).0;
+            let row = table.sample(f64::from(i) / 100_000.0).0;
             if !row.is_multiple_of(10) {
                 assert!(row >= last, "{row} after {last}");
                 last = row;

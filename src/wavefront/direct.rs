@@ -2,10 +2,11 @@
 
 use crate::{
     flat::{EnvironmentLight, FlatScene, NONE},
+    sampling::lengthen,
     simd::{Mask, Real, Rgb, V3},
 };
 
-use super::surface::Surface;
+use super::{dimensions::mix, surface::Surface};
 
 /// Light that may arrive at a surface, before what is in the way.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +69,9 @@ pub fn sample<F: Real>(
         if active >> lane & 1 == 0 {
             continue;
         }
-        let (row, rest) = lights.choice.sample(u_choice.lane(lane));
+        // Many lights, and then a sky of many texels, need more bits than a sample has.
+        let choice = u_choice.lane(lane);
+        let (row, rest) = lights.choice.sample(lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits())));
         let pmf = lights.choice.pmf(row);
         let bit = 1 << lane;
         one.pmf = pmf;

@@ -153,6 +153,21 @@ fn bright_texel(up: bool, rotation_degrees: f32) -> Case {
     Case::gray(&name, scene, lambert(RHO, 50.0 * irradiance), 16_384)
 }
 
+/// E = πL under a sky of half a million texels, the lower half of which is out of sight but is drawn too, as are lamps
+/// below the plane: a choice of light, then of texel, that is short of bits draws what is in sight too seldom.
+fn fine_sky(lamps: u32) -> Case {
+    let texels = (0..1024 * 512).map(|i| [if i < 1024 * 256 { 2.0 } else { 0.2 }; 3]).collect();
+    let map = EnvironmentMap { name: "halves".to_owned(), width: 1024, height: 512, texels };
+    let mut scene = floor();
+    scene.spawn((Environment { sky: Sky::Map(Arc::new(map)), rotation_degrees: 0.0, scale: 1.0 },));
+    for i in 0..lamps {
+        let place = LocalTransform::from_translation(DVec3::new(f64::from(i), -3.0, 0.0));
+        scene.spawn((PointLight { color: Vec3::ONE, intensity: Candela(20.0) }, place));
+    }
+    let name = format!("a sky of 1024×512 texels and {lamps} lamps out of sight");
+    Case::gray(&name, scene, lambert(RHO, 2.0 * PI), 65_536).max_depth(1)
+}
+
 pub fn cases() -> Vec<Case> {
     let mut disc = TriMesh::disc(Vec3::new(0.5, 1.0, 0.25), 0.75, 24);
     disc.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -176,5 +191,7 @@ pub fn cases() -> Vec<Case> {
         bright_texel(true, 0.0),
         bright_texel(true, 75.0),
         bright_texel(false, 30.0),
+        fine_sky(0),
+        fine_sky(15),
     ]
 }

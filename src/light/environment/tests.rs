@@ -7,7 +7,7 @@ use wide::f32x8;
 use super::*;
 use crate::{
     measure::statistics::{Moments, chi_square_test},
-    sampling::{tests::numbers, warp::uniform_sphere},
+    sampling::{lengthen, tests::numbers, warp::uniform_sphere},
 };
 
 fn map(width: u32, height: u32, texel: impl Fn(u32, u32) -> [f32; 3]) -> EnvironmentMap {
@@ -57,7 +57,7 @@ fn constant_map_integrates_to_the_sphere() {
         assert!((table.luminance_integral / want - 1.0).abs() < 1e-6, "{width}×{height}");
         assert!((f64::from(table.power(2.0)) / (want * PI * 4.0) - 1.0).abs() < 1e-6);
         for u in numbers(20, 2000) {
-            let (d, pdf, radiance) = table.sample(u.0, (u.1, u.0));
+            let (d, pdf, radiance) = table.sample(lengthen(u.0, 0), (u.1, u.0));
             assert_eq!(radiance, [3.0; 3]);
             assert!((f64::from(pdf) * 4.0 * PI - 1.0).abs() < 2e-6, "{width}×{height}: {pdf} at {d:?}");
         }
@@ -111,7 +111,7 @@ fn directions_follow_the_density() {
         });
         let (mut observed, mut moments) = (vec![0u64; cells], [Moments::default(); 3]);
         for (u, v) in numbers(21, 300_000).zip(numbers(22, 300_000)) {
-            let (d, pdf, radiance) = table.sample(u.0, v);
+            let (d, pdf, radiance) = table.sample(lengthen(u.0, (f64::from(u.1) * f64::from(u32::MAX)) as u32), v);
             assert_eq!((radiance, pdf), (table.radiance(d), table.pdf(d)));
             let length: f32 = d.iter().map(|v| v * v).sum();
             assert!((length - 1.0).abs() < 5e-7, "{d:?}");
@@ -154,7 +154,7 @@ fn single_bright_texel_is_always_met() {
             let edges = edges(&table).zip(edges(&table).map(|(a, b)| (b, a)));
             let edges = edges.flat_map(|(a, b)| [(a.0, a, 0), (a.0, b, 0), (a.1, a, 0), (b.1, (a.1, b.0), 0)]);
             for (u, v, counts) in random.chain(edges) {
-                let (d, pdf, radiance) = table.sample(u, v);
+                let (d, pdf, radiance) = table.sample(lengthen(u, 0), v);
                 assert_eq!((radiance, pdf), (table.radiance(d), table.pdf(d)));
                 if pdf > 0.0 {
                     assert_eq!(table.texel(d), (row as usize, column as usize));
@@ -180,7 +180,7 @@ fn samples_of_a_grey_sky_have_no_variance() {
     });
     let table = EnvironmentTable::new(&picture, 10.0, 1.0);
     for (u, v) in numbers(25, 200_000).zip(numbers(26, 200_000)) {
-        let (_, pdf, radiance) = table.sample(u.0, v);
+        let (_, pdf, radiance) = table.sample(lengthen(u.0, (f64::from(u.1) * f64::from(u32::MAX)) as u32), v);
         if pdf > 0.0 {
             let ratio = f64::from(radiance[0] / pdf) / table.luminance_integral;
             assert!((ratio - 1.0).abs() < 2e-6, "{ratio}");

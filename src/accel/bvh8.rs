@@ -1,205 +1,319 @@
-//! A tree of boxes, eight children to a node, and its walk: one ray against eight boxes at a time.
+//! A tree of boxes, eight children to a node.
 //!
-//! Built by obvhs as a binary tree and collapsed: a node takes its two children and opens the
-//! one of largest area until it has eight.
+//! obvhs builds a binary tree; which of its subtrees become the children of a wide node is then chosen so that the
+//! expected cost of a ray is least (Ylitie, Karras, Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through
+//! Compressed Wide BVHs", section 3.3), with one difference: a leaf costs the same whether it holds one triangle or
+//! eight, as they are tested at once.
 
-use std::time::Duration;
+use std::{ops::Range, time::Duration};
 
 use glam::Vec3A;
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
-    bvh2::{Bvh2, builder::build_bvh2},
+    bvh2::{Bvh2, builder::build_bvh2, node::Bvh2Node},
 };
+use rayon::prelude::*;
 use wide::f32x8;
 
-use super::triangle::Ray;
+use super::{
+    arena::{Arena, Granule},
+    triangle::Ray,
+};
 use crate::simd::LANES;
 
-/// Marks a child reference as a leaf; below it, three bits of count − 1 and 28 bits of first position.
-const LEAF: u32 = 1 << 31;
-const COUNT_SHIFT: u32 = 28;
+/// Marks a child reference as a leaf, of which the other bits say which.
+pub(super) const LEAF: u32 = 1 << 30;
+/// Marks a child reference as an instance, of which the other bits are the row.
+pub(super) const INSTANCE: u32 = 1 << 31;
+/// What a reference is.
+pub(super) const KIND: u32 = LEAF | INSTANCE;
 
 /// Relative rounding error of the slab test's far distance: 1 + 2·γ₃ (Ize 2013, "Robust BVH Ray
 /// Traversal"), so that no box that holds a hit is passed by.
-const FAR_SCALE: f32 = 1.0 + 2.0 * (3.0 * f32::EPSILON / 2.0) / (1.0 - 3.0 * f32::EPSILON / 2.0);
+pub(super) const FAR_SCALE: f32 = 1.0 + 2.0 * (3.0 * f32::EPSILON / 2.0) / (1.0 - 3.0 * f32::EPSILON / 2.0);
+
+/// Cost of a leaf in units of that of a node: instructions of their steps, measured.
+const LEAF_COST: f32 = 1.2;
 
 /// Eight boxes by planes, and what is in them.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-struct Node {
-    /// Lower x, upper x, lower y, upper y, lower z, upper z. Missing children are boxes that nothing meets.
-    planes: [[f32; LANES]; 6],
-    child: [u32; LANES],
-}
+///
+/// Its 224 bytes lie in four cache lines, wherever it stands in an arena.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub(super) struct Node([Granule; NODE]);
 
-/// A bounding volume hierarchy over rows of something.
-#[derive(Clone, Debug, Default)]
-pub struct Bvh8 {
-    nodes: Vec<Node>,
-    root: Option<u32>,
-    /// Row of the primitive in each position; leaves are runs of at most eight positions.
-    pub order: Vec<u32>,
-}
+/// Granules of a node: lower x, upper x, lower y, upper y, lower z, upper z, references of the children. Missing
+/// children are boxes that nothing meets.
+pub(super) const NODE: usize = 7;
 
 /// Quality of a build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// For instances, rebuilt whenever something moves; one to a leaf.
+    /// For what is rebuilt whenever something moves.
     Fast,
-    /// For meshes; up to eight to a leaf, which are tested at once.
+    /// For meshes.
     Good,
+    /// Half as long again for a few per cent of traversal, more where triangles overlap.
+    Best,
 }
 
-/// A subtree put off during a walk, with the distance at which the ray enters it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Entry {
-    near: f32,
-    child: u32,
-}
-
-/// Subtrees put off during a walk.
-///
-/// Kept by the caller, because clearing it for each ray costs an eighth of a small scene's traversal. It grows if a tree
-/// is deeper than any ordinary one.
-#[derive(Clone, Debug)]
-pub struct Stack(Vec<Entry>);
-
-impl Default for Stack {
-    fn default() -> Self {
-        Self(vec![Entry::default(); 256])
+impl Quality {
+    fn params(self) -> BvhBuildParams {
+        let params = match self {
+            Self::Fast => BvhBuildParams::very_fast_build(),
+            Self::Good => BvhBuildParams::medium_build(),
+            Self::Best => BvhBuildParams::slow_build(),
+        };
+        // Leaves are formed together with the wide nodes.
+        BvhBuildParams { max_prims_per_leaf: 1, pre_split: false, ..params }
     }
+}
+
+/// A bounding volume hierarchy whose leaves are made by its maker.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Bvh8 {
+    /// Nodes, and leaves beside the node they belong to; a reference is the place of the first granule.
+    pub arena: Arena,
+    /// Reference of the root, if there is anything.
+    pub root: Option<u32>,
+    /// The most subtrees that a walk puts off at a time.
+    pub stack: usize,
+}
+
+/// Expected cost of a subtree when it is given up to 1, 2, … 8 places in a wide node.
+type Costs = [f32; LANES];
+
+/// The binary tree by levels, with the costs of its subtrees.
+struct Levels<'a> {
+    binary: &'a Bvh2,
+    /// Nodes of the binary tree, level by level; the two children of a node are neighbours.
+    node: Vec<u32>,
+    /// Position of the first child of each; unused for leaves.
+    child: Vec<u32>,
+    /// Primitives below each.
+    count: Vec<u32>,
+    cost: Vec<Costs>,
+}
+
+impl<'a> Levels<'a> {
+    fn new(binary: &'a Bvh2, most_in_leaf: u32) -> Self {
+        let (mut node, mut child, mut levels) = (vec![0_u32], Vec::new(), Vec::new());
+        let mut next = 0..1;
+        while !next.is_empty() {
+            levels.push(next.clone());
+            for position in next.clone() {
+                let one = &binary.nodes[node[position] as usize];
+                child.push(node.len() as u32);
+                if !one.is_leaf() {
+                    node.extend([one.first_index, one.first_index + 1]);
+                }
+            }
+            next = next.end..node.len();
+        }
+        let mut this = Self { binary, count: vec![0; node.len()], cost: vec![[0.0; LANES]; node.len()], node, child };
+        for level in levels.into_iter().rev() {
+            this.solve(level, most_in_leaf);
+        }
+        this
+    }
+
+    /// Costs of a level from those of the one below.
+    fn solve(&mut self, level: Range<usize>, most_in_leaf: u32) {
+        let below = level.end;
+        let (costs, costs_below) = self.cost.split_at_mut(below);
+        let (counts, counts_below) = self.count.split_at_mut(below);
+        let (binary, node, child) = (self.binary, &self.node, &self.child);
+        costs[level.clone()].par_iter_mut().zip(&mut counts[level.clone()]).zip(level).with_min_len(1024).for_each(
+            |((cost, count), position)| {
+                let one = &binary.nodes[node[position] as usize];
+                let area = one.aabb.half_area();
+                if one.is_leaf() {
+                    *count = one.prim_count;
+                    *cost = [LEAF_COST * area; LANES];
+                    return;
+                }
+                let at = child[position] as usize - below;
+                let (left, right) = (&costs_below[at], &costs_below[at + 1]);
+                *count = counts_below[at] + counts_below[at + 1];
+                let leaf = if *count <= most_in_leaf { LEAF_COST * area } else { f32::INFINITY };
+                cost[0] = leaf.min(area + split(left, right, LANES).0);
+                for places in 2..=LANES {
+                    cost[places - 1] = cost[places - 2].min(split(left, right, places).0);
+                }
+            },
+        );
+    }
+
+    fn binary_node(&self, position: usize) -> &Bvh2Node {
+        &self.binary.nodes[self.node[position] as usize]
+    }
+
+    /// Positions of the children of a node.
+    fn children(&self, position: usize) -> (usize, usize) {
+        let child = self.child[position] as usize;
+        (child, child + 1)
+    }
+
+    fn split(&self, position: usize, places: usize) -> (f32, usize) {
+        let (left, right) = self.children(position);
+        split(&self.cost[left], &self.cost[right], places)
+    }
+
+    fn is_leaf(&self, position: usize, most_in_leaf: u32) -> bool {
+        let one = self.binary_node(position);
+        let leaf = LEAF_COST * one.aabb.half_area();
+        one.is_leaf()
+            || self.count[position] <= most_in_leaf && leaf <= one.aabb.half_area() + self.split(position, LANES).0
+    }
+
+    /// Adds the subtrees that a subtree is opened into when it gets so many places.
+    fn open(&self, position: usize, places: usize, into: &mut Vec<usize>) {
+        let mut places = places;
+        while places > 1 && self.cost[position][places - 1] == self.cost[position][places - 2] {
+            places -= 1;
+        }
+        if places == 1 || self.binary_node(position).is_leaf() {
+            into.push(position);
+        } else {
+            let (left, right) = self.children(position);
+            let (_, to_left) = self.split(position, places);
+            self.open(left, to_left, into);
+            self.open(right, places - to_left, into);
+        }
+    }
+
+    /// Rows of the primitives below a node.
+    fn rows(&self, position: usize, into: &mut Vec<u32>) {
+        let mut pending = vec![position];
+        while let Some(position) = pending.pop() {
+            let one = self.binary_node(position);
+            if one.is_leaf() {
+                let range = one.first_index as usize..(one.first_index + one.prim_count) as usize;
+                into.extend_from_slice(&self.binary.primitive_indices[range]);
+            } else {
+                let (left, right) = self.children(position);
+                pending.extend([right, left]);
+            }
+        }
+    }
+}
+
+/// The best share of `places` between two subtrees: its cost, and how many the left one gets.
+#[inline(always)]
+fn split(left: &Costs, right: &Costs, places: usize) -> (f32, usize) {
+    let mut best = (f32::INFINITY, 1);
+    for to_left in 1..places {
+        let cost = left[to_left - 1] + right[places - to_left - 1];
+        if cost < best.0 {
+            best = (cost, to_left);
+        }
+    }
+    best
 }
 
 impl Bvh8 {
     /// Over boxes; those that are empty (lower above upper) are left out.
-    pub fn build(boxes: &[Aabb], quality: Quality) -> Self {
-        let rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| boxes[row as usize].valid()).collect();
-        if rows.is_empty() {
-            return Self::default();
+    ///
+    /// `make` gives a reference for each leaf of at most `most_in_leaf` rows, and may add to the arena what the leaf needs.
+    pub fn build(
+        boxes: &[Aabb],
+        quality: Quality,
+        most_in_leaf: usize,
+        mut make: impl FnMut(&mut [u32], &mut Vec<Granule>) -> u32,
+    ) -> Self {
+        let mut rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| boxes[row as usize].valid()).collect();
+        let mut arena = Vec::new();
+        let most = most_in_leaf as u32;
+        if rows.len() < 2 {
+            let root = (!rows.is_empty()).then(|| make(&mut rows, &mut arena));
+            return Self { root, arena: Arena::new(arena), stack: 0 };
         }
         let kept: Vec<Aabb> = rows.iter().map(|&row| boxes[row as usize]).collect();
-        let params = match quality {
-            Quality::Fast => BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::very_fast_build() },
-            // A leaf costs the same whether it holds one triangle or eight, so obvhs is told that boxes are dear.
-            Quality::Good => BvhBuildParams {
-                max_prims_per_leaf: LANES as u32,
-                collapse_traversal_cost: 8.0,
-                ..BvhBuildParams::medium_build()
-            },
+        let binary = build_bvh2(&kept, quality.params(), &mut Duration::default());
+        let levels = Levels::new(&binary, most);
+        let mut own = Vec::with_capacity(LANES);
+        let mut make_leaf = |position: usize, arena: &mut Vec<Granule>| {
+            own.clear();
+            levels.rows(position, &mut own);
+            own.iter_mut().for_each(|row| *row = rows[*row as usize]);
+            make(&mut own, arena)
         };
-        let binary = build_bvh2(&kept, params, &mut Duration::default());
-        let mut tree =
-            Self { order: binary.primitive_indices.iter().map(|&i| rows[i as usize]).collect(), ..Self::default() };
-        tree.root = Some(tree.collapse(&binary));
-        tree
-    }
-
-    /// Makes our nodes of obvhs's, from the root down without recursion; returns the root's reference.
-    fn collapse(&mut self, binary: &Bvh2) -> u32 {
-        let leaf = |index: u32| {
-            let node = &binary.nodes[index as usize];
-            node.is_leaf().then(|| LEAF | (node.prim_count - 1) << COUNT_SHIFT | node.first_index)
-        };
-        if let Some(root) = leaf(0) {
-            return root;
+        if levels.is_leaf(0, most) {
+            let root = Some(make_leaf(0, &mut arena));
+            return Self { root, arena: Arena::new(arena), stack: 0 };
         }
-        let mut pending = vec![(0_u32, None::<(usize, usize)>)];
-        while let Some((index, place)) = pending.pop() {
-            let first = binary.nodes[index as usize].first_index;
-            let mut children = vec![first, first + 1];
-            while children.len() < LANES {
-                let area = |&&child: &&u32| binary.nodes[child as usize].aabb.half_area();
-                let inner = children.iter().filter(|&&child| leaf(child).is_none());
-                let Some(&largest) = inner.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
-                let opened = binary.nodes[largest as usize].first_index;
-                let at = children.iter().position(|&child| child == largest).expect("it was found among them");
-                children[at] = opened;
-                children.push(opened + 1);
+        let mut stack = 0;
+        // A node to make, the granule and lane of its reference, and what a walk has put off before it gets there.
+        let mut pending = vec![(0_usize, None::<(usize, usize)>, 0_usize)];
+        let mut opened = Vec::with_capacity(LANES);
+        while let Some((position, place, put_off)) = pending.pop() {
+            let first = arena.len();
+            if let Some((granule, lane)) = place {
+                arena[granule].0[lane] = first as u32;
             }
-            let row = self.nodes.len();
-            let mut node = Node {
-                planes: [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]].repeat(3).try_into().expect("three pairs"),
-                child: [0; LANES],
-            };
-            for (lane, &child) in children.iter().enumerate() {
-                let bounds = &binary.nodes[child as usize].aabb;
-                for axis in 0..3 {
-                    node.planes[2 * axis][lane] = bounds.min[axis];
-                    node.planes[2 * axis + 1][lane] = bounds.max[axis];
+            arena.resize(first + NODE, Granule::default());
+            opened.clear();
+            let (left, right) = levels.children(position);
+            let (_, to_left) = levels.split(position, LANES);
+            levels.open(left, to_left, &mut opened);
+            levels.open(right, LANES - to_left, &mut opened);
+            let put_off = put_off + opened.len();
+            stack = stack.max(put_off);
+            for axis in 0..3 {
+                let (mut lower, mut upper) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+                for (lane, &child) in opened.iter().enumerate() {
+                    let bounds = &levels.binary_node(child).aabb;
+                    (lower[lane], upper[lane]) = (bounds.min[axis], bounds.max[axis]);
                 }
-                match leaf(child) {
-                    Some(reference) => node.child[lane] = reference,
-                    None => pending.push((child, Some((row, lane)))),
+                arena[first + 2 * axis] = Granule::of(lower);
+                arena[first + 2 * axis + 1] = Granule::of(upper);
+            }
+            for (lane, &child) in opened.iter().enumerate() {
+                if levels.is_leaf(child, most) {
+                    arena[first + NODE - 1].0[lane] = make_leaf(child, &mut arena);
+                } else {
+                    pending.push((child, Some((first + NODE - 1, lane)), put_off - 1));
                 }
             }
-            self.nodes.push(node);
-            if let Some((parent, lane)) = place {
-                self.nodes[parent].child[lane] = row as u32;
-            }
         }
-        0
+        assert!(arena.len() < LEAF as usize, "32 GiB of one mesh");
+        Self { root: Some(0), arena: Arena::new(arena), stack }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.nodes.len() * size_of::<Node>() + self.order.len() * 4
+        self.arena.bytes()
     }
 
-    /// Makes one thing of each leaf's positions, and has the leaf refer to its index among them.
-    pub fn number_leaves<T>(&mut self, mut make: impl FnMut(std::ops::Range<usize>) -> T) -> Vec<T> {
-        let mut made = Vec::new();
-        let children = self.nodes.iter_mut().flat_map(|node| {
-            let real = |lane: &usize| node.planes[0][*lane] <= node.planes[1][*lane];
-            let real: Vec<usize> = (0..LANES).filter(real).collect();
-            node.child.iter_mut().enumerate().filter(move |(lane, _)| real.contains(lane)).map(|(_, child)| child)
-        });
-        for child in children.chain(self.root.as_mut()).filter(|child| **child & LEAF != 0) {
-            let (first, count) = leaf_range(*child);
-            *child = LEAF | made.len() as u32;
-            made.push(make(first..first + count));
-        }
-        made
-    }
-
-    /// First position and count of every leaf.
-    #[cfg(test)]
-    fn leaves(&self) -> Vec<(usize, usize)> {
-        let children = self.nodes.iter().flat_map(|node| {
-            let real = (0..LANES).filter(|&lane| node.planes[0][lane] <= node.planes[1][lane]);
-            real.map(|lane| node.child[lane])
-        });
-        children.chain(self.root).filter(|child| child & LEAF != 0).map(leaf_range).collect()
-    }
-
-    /// Calls `leaf(first, count, t_max)` for the leaves that the ray may meet before `t_max`, near ones first if
+    /// Calls `leaf(reference, t_max)` for the leaves below `root` that the ray may meet before `t_max`, near ones first if
     /// `SORTED`; `leaf` may lower `t_max`, and ends the walk by returning true.
     #[inline(always)]
     pub fn walk<const SORTED: bool>(
         &self,
+        root: Option<u32>,
         ray: &Ray,
         t_max: &mut f32,
         Stack(stack): &mut Stack,
-        mut leaf: impl FnMut(usize, usize, &mut f32) -> bool,
+        mut leaf: impl FnMut(u32, &mut f32) -> bool,
     ) {
-        let Some(mut current) = self.root else { return };
-        if current & LEAF != 0 {
+        let Some(mut current) = root else { return };
+        if current & KIND != 0 {
             // A mesh of a few triangles has no node to set up for.
-            let (first, count) = leaf_range(current);
-            leaf(first, count, t_max);
+            leaf(current & !KIND, t_max);
             return;
         }
         let origin = ray.origin.map(f32x8::splat);
         let inverse = ray.inverse.map(f32x8::splat);
+        let arena = self.arena.granules();
         let mut top = 0;
         loop {
-            if current & LEAF != 0 {
-                let (first, count) = leaf_range(current);
-                if leaf(first, count, t_max) {
+            if current & KIND != 0 {
+                if leaf(current & !KIND, t_max) {
                     return;
                 }
             } else {
-                let node = &self.nodes[current as usize];
+                let node = Node::at(arena, current);
                 let (near, hits) = node.meet(&origin, &inverse, ray.negative, *t_max);
                 let near = near.to_array();
                 if top + LANES > stack.len() {
@@ -210,7 +324,7 @@ impl Bvh8 {
                 while hits != 0 {
                     let lane = hits.trailing_zeros() as usize & (LANES - 1);
                     hits &= hits - 1;
-                    let entry = Entry { near: near[lane], child: node.child[lane] };
+                    let entry = Entry { near: near[lane], child: node.children()[lane] };
                     let mut at = top;
                     if SORTED {
                         while at > bottom && stack[at - 1].near < entry.near {
@@ -237,28 +351,77 @@ impl Bvh8 {
     }
 }
 
-#[inline(always)]
-fn leaf_range(reference: u32) -> (usize, usize) {
-    let first = reference & ((1 << COUNT_SHIFT) - 1);
-    (first as usize, ((reference & !LEAF) >> COUNT_SHIFT) as usize + 1)
+/// A subtree put off during a walk, with the distance at which the ray enters it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Entry {
+    near: f32,
+    child: u32,
+}
+
+/// Subtrees put off during a walk.
+///
+/// Kept by the caller, because clearing it for each ray costs an eighth of a small scene's traversal. It grows if a tree
+/// is deeper than any ordinary one.
+#[derive(Clone, Debug)]
+pub struct Stack(Vec<Entry>);
+
+impl Default for Stack {
+    fn default() -> Self {
+        Self(vec![Entry::default(); 256])
+    }
 }
 
 impl Node {
-    /// Distances at which the ray enters the boxes, and which of them it meets within (0, t_max], a bit each.
+    /// The node that a reference means.
+    #[inline(always)]
+    pub fn at(arena: &[Granule], reference: u32) -> &Self {
+        let granules: &[Granule; NODE] = arena[reference as usize..].first_chunk().expect("a reference of this arena");
+        bytemuck::cast_ref(granules)
+    }
+
+    /// Boxes of the children, with their references.
+    pub fn boxes(&self) -> impl Iterator<Item = (Aabb, u32)> {
+        let corner = move |side: usize, lane: usize| {
+            Vec3A::from_array(std::array::from_fn(|axis| self.0[2 * axis + side].values()[lane]))
+        };
+        let all = (0..LANES).map(move |lane| (Aabb::new(corner(0, lane), corner(1, lane)), self.children()[lane]));
+        all.filter(|(bounds, _)| bounds.valid())
+    }
+
+    /// References of the children.
+    #[inline(always)]
+    pub fn children(&self) -> [u32; LANES] {
+        self.0[NODE - 1].0
+    }
+
+    /// Distances at which the ray enters the boxes, and which of them it meets within (0, t_max].
     ///
     /// Conservative: rounding never loses a box that holds a hit. A zero direction component gives
     /// infinities, or NaN on a slab's plane, which the order of operands in `fast_min` and `fast_max` drops.
     #[inline(always)]
-    fn meet(&self, origin: &[f32x8; 3], inverse: &[f32x8; 3], negative: [usize; 3], t_max: f32) -> (f32x8, u32) {
+    pub fn distances(
+        &self,
+        origin: &[f32x8; 3],
+        inverse: &[f32x8; 3],
+        negative: [usize; 3],
+        t_max: f32,
+    ) -> (f32x8, f32x8) {
         let mut near = f32x8::ZERO;
-        let mut far = f32x8::splat(t_max);
-        let scale = f32x8::splat(FAR_SCALE);
+        let mut far = f32x8::splat(f32::INFINITY);
         for axis in 0..3 {
-            let enter = f32x8::new(self.planes[2 * axis + negative[axis]]);
-            let leave = f32x8::new(self.planes[2 * axis + 1 - negative[axis]]);
+            let side = negative[axis] & 1;
+            let enter = f32x8::new(self.0[2 * axis + side].values());
+            let leave = f32x8::new(self.0[2 * axis + 1 - side].values());
             near = ((enter - origin[axis]) * inverse[axis]).fast_max(near);
-            far = ((leave - origin[axis]) * inverse[axis] * scale).fast_min(far);
+            far = ((leave - origin[axis]) * inverse[axis]).fast_min(far);
         }
+        (near, (far * f32x8::splat(FAR_SCALE)).fast_min(f32x8::splat(t_max)))
+    }
+
+    /// As [`Node::distances`], with a bit for each box that is met.
+    #[inline(always)]
+    fn meet(&self, origin: &[f32x8; 3], inverse: &[f32x8; 3], negative: [usize; 3], t_max: f32) -> (f32x8, u32) {
+        let (near, far) = self.distances(origin, inverse, negative, t_max);
         (near, near.simd_le(far).to_bitmask())
     }
 }
@@ -286,33 +449,43 @@ mod tests {
                 bounds_of([corner, corner.map(|x| x + 0.01)])
             })
             .collect();
-        for quality in [Quality::Fast, Quality::Good] {
-            let tree = Bvh8::build(&boxes, quality);
-            let mut seen = vec![0; boxes.len()];
-            for (first, count) in tree.leaves() {
-                tree.order[first..first + count].iter().for_each(|&row| seen[row as usize] += 1);
+        for quality in [Quality::Fast, Quality::Good, Quality::Best] {
+            for most in [1, 8] {
+                let mut leaves = Vec::new();
+                let tree = Bvh8::build(&boxes, quality, most, |rows, _| {
+                    leaves.push(rows.to_vec());
+                    LEAF | leaves.len() as u32 - 1
+                });
+                let mut seen = vec![0; boxes.len()];
+                leaves.iter().flatten().for_each(|&row| seen[row as usize] += 1);
+                assert!(seen.iter().all(|&count| count == 1));
+                assert!(leaves.iter().all(|rows| (1..=most).contains(&rows.len())));
+                let put_off = check(&tree, &leaves, &boxes, tree.root.unwrap(), &Aabb::LARGEST);
+                assert_eq!(put_off, tree.stack);
             }
-            assert!(seen.iter().all(|&count| count == 1));
-            check_enclosed(&tree, &boxes, tree.root.unwrap(), &Aabb::LARGEST);
         }
     }
 
-    fn check_enclosed(tree: &Bvh8, boxes: &[Aabb], child: u32, within: &Aabb) {
+    /// Checks a subtree and returns the most that a walk through it puts off.
+    fn check(tree: &Bvh8, leaves: &[Vec<u32>], boxes: &[Aabb], child: u32, within: &Aabb) -> usize {
         let holds = |inner: &Aabb| {
             (0..3).all(|axis| within.min[axis] <= inner.min[axis] && inner.max[axis] <= within.max[axis])
         };
         if child & LEAF != 0 {
-            let (first, count) = leaf_range(child);
-            assert!(tree.order[first..first + count].iter().all(|&row| holds(&boxes[row as usize])));
-            return;
+            assert!(leaves[(child & !LEAF) as usize].iter().all(|&row| holds(&boxes[row as usize])));
+            return 0;
         }
-        let node = &tree.nodes[child as usize];
-        for lane in (0..LANES).filter(|&lane| node.planes[0][lane] <= node.planes[1][lane]) {
+        let node = Node::at(tree.arena.granules(), child);
+        let plane = |plane: usize, lane: usize| node.0[plane].values()[lane];
+        let real: Vec<usize> = (0..LANES).filter(|&lane| plane(0, lane) <= plane(1, lane)).collect();
+        let mut most = real.len();
+        for &lane in &real {
             let [lo, hi] =
-                [0, 1].map(|side| Vec3A::from_array(std::array::from_fn(|axis| node.planes[2 * axis + side][lane])));
+                [0, 1].map(|side| Vec3A::from_array(std::array::from_fn(|axis| plane(2 * axis + side, lane))));
             let bounds = Aabb::new(lo, hi);
             assert!(holds(&bounds));
-            check_enclosed(tree, boxes, node.child[lane], &bounds);
+            most = most.max(real.len() - 1 + check(tree, leaves, boxes, node.children()[lane], &bounds));
         }
+        most
     }
 }

@@ -5,15 +5,18 @@
 //! back, no coverage) is decided by a [`Coverage`], a type that compiles to nothing
 //! for scenes that are solid throughout.
 
+mod arena;
 mod brute;
 mod bvh8;
+mod queue;
 mod structure;
 mod triangle;
 mod two_level;
 
 pub use self::{
     brute::Brute,
-    bvh8::{Bvh8, Quality},
+    bvh8::Quality,
+    queue::Rays,
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
@@ -129,6 +132,118 @@ mod tests {
             }
             assert!(hits > 500, "{hits} of 2000 rays hit: too few to mean anything");
         }
+    }
+
+    /// Rays with their ends, for a wave.
+    struct Wave(Vec<([f32; 3], [f32; 3], f32)>);
+
+    impl Rays for Wave {
+        fn count(&self) -> usize {
+            self.0.len()
+        }
+        fn ray(&self, index: usize) -> ([f32; 3], [f32; 3], f32) {
+            self.0[index]
+        }
+        fn id(&self, index: usize) -> u32 {
+            index as u32
+        }
+    }
+
+    /// Lets ray and triangle meet by a coin of their own.
+    struct Sieve;
+
+    impl Coverage for Sieve {
+        const TRIVIAL: bool = false;
+        fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
+            (ray_id ^ hit.triangle.wrapping_mul(0x9e37_79b9) ^ hit.instance) % 3 != 0
+        }
+    }
+
+    /// A wave finds, ray by ray and bit for bit, what each ray finds alone.
+    #[track_caller]
+    fn check_wave<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) {
+        let mut stacks = Stacks::default();
+        let mut got = vec![None; wave.count()];
+        accel.nearest_of(wave, coverage, |index, hit| assert!(got[index].replace(*hit).is_none(), "twice"));
+        let mut dark = vec![None; wave.count()];
+        accel.occluded_of(wave, coverage, |index, occluded| assert!(dark[index].replace(occluded).is_none(), "twice"));
+        let mut hits = 0;
+        for (index, &(origin, direction, t_max)) in wave.0.iter().enumerate() {
+            let id = index as u32;
+            let want = accel.nearest(origin, direction, t_max, id, coverage, &mut stacks);
+            assert_eq!(got[index], Some(want), "ray {index}");
+            assert_eq!(dark[index], Some(accel.occluded(origin, direction, t_max, id, coverage, &mut stacks)));
+            assert_eq!(dark[index], Some(want != NO_HIT));
+            hits += u32::from(want != NO_HIT);
+        }
+        assert!(hits as usize * 10 > wave.count(), "{hits} of {} rays hit: too few to mean anything", wave.count());
+    }
+
+    /// Rays that start among and outside of points in [0, 5]³, some of them axis-parallel, some short.
+    fn wave(count: usize, seed: u64) -> Wave {
+        let mut u = numbers(seed);
+        let mut point = |spread: f32| [u() * spread, u() * spread, u() * spread];
+        let rays = (0..count).map(|i| {
+            let (origin, target) = (point(if i % 2 == 0 { 20.0 } else { 5.0 }), point(5.0));
+            let mut direction: [f32; 3] = std::array::from_fn(|axis| target[axis] - origin[axis]);
+            if i % 7 == 0 {
+                direction[i % 3] = 0.0;
+                direction[(i + 1) % 3] = 0.0;
+            }
+            (origin, direction, if i % 5 == 0 { 0.7 } else { f32::INFINITY })
+        });
+        Wave(rays.collect())
+    }
+
+    #[test]
+    fn a_wave_finds_what_its_rays_find_alone() {
+        let mut u = numbers(11);
+        let triangles: Vec<[[f32; 3]; 3]> = (0..3000)
+            .map(|_| {
+                let base = [u() * 5.0, u() * 5.0, u() * 5.0];
+                let size = 0.05 + u();
+                [0, 1, 2].map(|_| base.map(|x| x + size * u()))
+            })
+            .collect();
+        let few = Arc::new(Blas::build(&triangles[..3]));
+        let many = Arc::new(Blas::build(&triangles));
+        let empty = Arc::new(Blas::build(&[]));
+        let mut scenes = vec![
+            vec![placed(&many, 1.0, 0.0)],
+            vec![placed(&many, 0.5, 1.0)],
+            vec![placed(&few, 1.0, 0.0), placed(&empty, 1.0, 0.0), placed(&many, 0.5, 1.0), placed(&many, -1.0, 5.0)],
+            (0..100).map(|i| placed(if i % 3 == 0 { &few } else { &many }, 0.3, i as f32 * 0.05)).collect(),
+        ];
+        for instances in &mut scenes {
+            instances.iter_mut().step_by(2).for_each(|instance| instance.check = true);
+            let accel = Accel::build(instances.clone());
+            assert!(!accel.deep);
+            // Waves smaller than the rays in flight, as large, and larger.
+            for count in [1, 31, 32, 33, 2000] {
+                check_wave(&accel, &wave(count.max(40), count as u64), &Solid);
+            }
+            check_wave(&accel, &wave(2000, 3), &Sieve);
+            let mut alone = 0;
+            accel.nearest_of(&wave(1, 5), &Solid, |_, _| alone += 1);
+            accel.nearest_of(&wave(0, 5), &Solid, |_, _| alone += 1);
+            assert_eq!(alone, 1);
+        }
+    }
+
+    /// Each triangle is half as large as the one before and all share a corner: no tree over them is flat.
+    #[test]
+    fn trees_too_deep_for_a_queue_are_walked_ray_by_ray() {
+        let triangles: Vec<[[f32; 3]; 3]> = (0..120)
+            .map(|i| {
+                let size = 5.0 * 0.55_f32.powi(i);
+                [[0.0; 3], [size, size * 0.9, 0.0], [0.0, size, size * 0.8]]
+            })
+            .collect();
+        let mut accel = Accel::build(vec![placed(&Arc::new(Blas::build(&triangles)), 1.0, 0.0)]);
+        let wave = wave(2000, 9);
+        check_wave(&accel, &wave, &Solid);
+        accel.deep = true;
+        check_wave(&accel, &wave, &Solid);
     }
 
     /// Of two triangles in the same place the one of the smaller row is hit, in whatever order they come.

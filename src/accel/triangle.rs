@@ -2,6 +2,7 @@
 
 use wide::f32x8;
 
+use super::arena::Granule;
 use crate::simd::LANES;
 
 /// A ray with what the watertight test needs: the axis it mostly runs along, and the shear that makes
@@ -104,14 +105,15 @@ pub fn intersect(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<Trian
     Some(TriangleHit { t, b1: v * inv_det, b2: w * inv_det, back: det < 0.0 })
 }
 
-/// Eight triangles, by coordinate of corner: corner 0's x of all eight, its y, …
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub struct TriangleBlock {
-    corners: [[f32; LANES]; 9],
-    /// Row of each triangle in its mesh; lanes beyond the last hold triangles without area.
-    pub rows: [u32; LANES],
-}
+/// Eight triangles, by coordinate of corner: corner 0's x of all eight, its y, …, and their rows.
+///
+/// Lanes beyond the last hold triangles without area.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub struct TriangleBlock([Granule; BLOCK]);
+
+/// Granules of a block.
+const BLOCK: usize = 10;
 
 /// Distances, barycentrics and sides of eight triangles, and a bit for each that is hit.
 #[derive(Clone, Copy, Debug)]
@@ -131,14 +133,33 @@ pub struct BlockHit {
 impl TriangleBlock {
     /// Of at most eight triangles with their rows.
     pub fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self {
-        let mut block = Self { corners: [[0.0; LANES]; 9], rows: [u32::MAX; LANES] };
+        let (mut block, mut rows) = ([[0.0; LANES]; BLOCK - 1], [u32::MAX; LANES]);
         for (lane, (row, corners)) in triangles.into_iter().enumerate() {
-            block.rows[lane] = row;
+            rows[lane] = row;
             for (i, coordinate) in corners.into_iter().flatten().enumerate() {
-                block.corners[i][lane] = coordinate;
+                block[i][lane] = coordinate;
             }
         }
-        block
+        Self(std::array::from_fn(|i| if i < BLOCK - 1 { Granule::of(block[i]) } else { Granule(rows) }))
+    }
+
+    /// The block that a reference means.
+    #[inline(always)]
+    pub fn at(arena: &[Granule], reference: u32) -> &Self {
+        let granules: &[Granule; BLOCK] = arena[reference as usize..].first_chunk().expect("a reference of this arena");
+        bytemuck::cast_ref(granules)
+    }
+
+    /// Adds the block to an arena and returns its place.
+    pub fn store(&self, arena: &mut Vec<Granule>) -> u32 {
+        arena.extend(self.0);
+        (arena.len() - BLOCK) as u32
+    }
+
+    /// Row of a lane's triangle.
+    #[inline(always)]
+    pub fn row(&self, lane: usize) -> u32 {
+        self.0[BLOCK - 1].0[lane]
     }
 
     /// [`intersect`] for all eight, with the same roundings: its SIMD twin.
@@ -148,7 +169,7 @@ impl TriangleBlock {
         let [sx, sy, sz] = ray.shear.map(f32x8::splat);
         let [ox, oy, oz] = ray.axes.map(|axis| f32x8::splat(ray.origin[axis]));
         let sheared = |corner: usize| {
-            let at = |axis: usize| f32x8::new(self.corners[3 * corner + axis]);
+            let at = |axis: usize| f32x8::new(self.0[3 * corner + axis].values());
             let (x, y, z) = (at(kx) - ox, at(ky) - oy, at(kz) - oz);
             (x - sx * z, y - sy * z, z)
         };

@@ -6,8 +6,9 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::{
-    Coverage,
-    bvh8::{Bvh8, Quality, Stack, bounds_of},
+    Coverage, Rays,
+    bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
+    queue,
     triangle::{BlockHit, Ray, TriangleBlock, has_area},
 };
 use crate::{flat::NONE, simd::LANES};
@@ -15,15 +16,13 @@ use crate::{flat::NONE, simd::LANES};
 /// Rays against the triangles of one mesh, in its local space.
 #[derive(Clone, Debug)]
 pub struct Blas {
-    tree: Bvh8,
-    /// One for each leaf.
-    blocks: Vec<TriangleBlock>,
+    pub(super) tree: Bvh8,
     bounds: Aabb,
 }
 
 impl Default for Blas {
     fn default() -> Self {
-        Self { tree: Bvh8::default(), blocks: Vec::new(), bounds: Aabb::empty() }
+        Self { tree: Bvh8::default(), bounds: Aabb::empty() }
     }
 }
 
@@ -33,17 +32,17 @@ impl Blas {
         let bounds_of = |corners| if has_area(corners) { bounds_of(*corners) } else { Aabb::empty() };
         let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
         let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
-        let mut tree = Bvh8::build(&boxes, Quality::Good);
-        let order = std::mem::take(&mut tree.order);
-        let blocks = tree.number_leaves(|positions| {
-            TriangleBlock::new(order[positions].iter().map(|&row| (row, triangles[row as usize])))
+        let tree = Bvh8::build(&boxes, Quality::Good, LANES, |rows, arena| {
+            // In order of rows, so that the block does not depend on how the tree came to it.
+            rows.sort_unstable();
+            LEAF | TriangleBlock::new(rows.iter().map(|&row| (row, triangles[row as usize]))).store(arena)
         });
-        Self { tree, blocks, bounds }
+        Self { tree, bounds }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes() + self.blocks.len() * size_of::<TriangleBlock>()
+        self.tree.bytes()
     }
 
     /// Lowest and highest corner; lowest above highest if there is no triangle.
@@ -94,12 +93,25 @@ pub struct Stacks {
     mesh: Stack,
 }
 
+/// A subtree of an instance's mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    /// Row of the instance.
+    pub instance: u32,
+    /// The subtree, in the arena of the mesh.
+    pub root: u32,
+}
+
 /// Rays against the whole scene.
 #[derive(Clone, Debug, Default)]
 pub struct Accel {
-    tree: Bvh8,
-    instances: Vec<InstanceRef>,
+    pub(super) tree: Bvh8,
+    pub(super) instances: Vec<InstanceRef>,
+    /// What the top level leads to.
+    pub(super) parts: Vec<Part>,
     bounds: Option<([f32; 3], [f32; 3])>,
+    /// The trees are deeper than a queue's slots, so that rays go one by one.
+    pub(super) deep: bool,
 }
 
 /// A 3×4 matrix, by rows, times a point.
@@ -123,11 +135,14 @@ pub(crate) fn transform_vector(m: &[f32; 12], v: [f32; 3]) -> [f32; 3] {
 impl Accel {
     /// Over placed meshes, in the order of their rows.
     pub fn build(instances: Vec<InstanceRef>) -> Self {
-        let boxes: Vec<Aabb> = instances.par_iter().map(world_bounds).collect();
-        let tree = Bvh8::build(&boxes, Quality::Fast);
+        let boxes: Vec<Aabb> = instances.par_iter().map(|one| world_bounds(one, &one.blas.bounds)).collect();
         let all = boxes.iter().filter(|one| one.valid()).fold(Aabb::empty(), |all, one| all.union(one));
+        let (parts, boxes) = open(&instances, boxes, all.half_area());
+        let tree = Bvh8::build(&boxes, Quality::Fast, 1, |rows, _| INSTANCE | rows[0]);
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
-        Self { tree, instances, bounds }
+        let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
+        let deep = tree.stack + deepest + 1 > queue::STACK;
+        Self { tree, instances, parts, bounds, deep }
     }
 
     /// Says again which instances need their hits confirmed.
@@ -149,7 +164,7 @@ impl Accel {
 
     /// Bytes of the top level; meshes are counted by [`Blas::bytes`].
     pub fn bytes(&self) -> usize {
-        self.tree.bytes() + self.instances.len() * size_of::<InstanceRef>()
+        self.tree.bytes() + self.instances.len() * size_of::<InstanceRef>() + self.parts.len() * size_of::<Part>()
     }
 
     /// The nearest hit with 0 < t ≤ `t_max`; at equal t that of the smaller (instance, triangle).
@@ -166,17 +181,40 @@ impl Accel {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
-        if let [only] = self.instances.as_slice() {
-            nearest_in(only, 0, &ray, &mut t_max, &mut best, ray_id, coverage, mesh);
-        } else {
-            self.tree.walk::<true>(&ray, &mut t_max, top, |first, count, t_max| {
-                for &row in &self.tree.order[first..first + count] {
-                    nearest_in(&self.instances[row as usize], row, &ray, t_max, &mut best, ray_id, coverage, mesh);
-                }
-                false
-            });
-        }
+        self.tree.walk::<true>(self.tree.root, &ray, &mut t_max, top, |row, t_max| {
+            let part = self.parts[row as usize];
+            let instance = &self.instances[part.instance as usize];
+            nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
+            false
+        });
         best
+    }
+
+    /// [`Accel::nearest`] of all `rays`; `done` gets the index and the hit of each, in no particular order.
+    pub fn nearest_of<C: Coverage>(&self, rays: &impl Rays, coverage: &C, done: impl FnMut(usize, &Hit)) {
+        if self.deep {
+            let mut stacks = Stacks::default();
+            let mut done = done;
+            for index in 0..rays.count() {
+                let (origin, direction, t_max) = rays.ray(index);
+                done(index, &self.nearest(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
+            }
+        } else {
+            queue::trace::<false, C>(self, rays, coverage, done);
+        }
+    }
+
+    /// [`Accel::occluded`] of all `rays`; `done` gets the index and the answer for each, in no particular order.
+    pub fn occluded_of<C: Coverage>(&self, rays: &impl Rays, coverage: &C, mut done: impl FnMut(usize, bool)) {
+        if self.deep {
+            let mut stacks = Stacks::default();
+            for index in 0..rays.count() {
+                let (origin, direction, t_max) = rays.ray(index);
+                done(index, self.occluded(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
+            }
+        } else {
+            queue::trace::<true, C>(self, rays, coverage, |index, hit| done(index, hit.instance != NONE));
+        }
     }
 
     /// True if anything is hit with 0 < t ≤ `t_max`.
@@ -192,18 +230,22 @@ impl Accel {
     ) -> bool {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
-        if let [only] = self.instances.as_slice() {
-            return occluded_in(only, 0, &ray, t_max, ray_id, coverage, mesh);
-        }
         let mut found = false;
-        self.tree.walk::<false>(&ray, &mut t_max, top, |first, count, t_max| {
-            found = self.tree.order[first..first + count]
-                .iter()
-                .any(|&row| occluded_in(&self.instances[row as usize], row, &ray, *t_max, ray_id, coverage, mesh));
+        self.tree.walk::<false>(self.tree.root, &ray, &mut t_max, top, |row, t_max| {
+            let part = self.parts[row as usize];
+            let instance = &self.instances[part.instance as usize];
+            found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
             found
         });
         found
     }
+}
+
+/// A ray as the instance's mesh sees it.
+#[inline(always)]
+pub(super) fn to_local(instance: &InstanceRef, origin: [f32; 3], direction: [f32; 3]) -> Ray {
+    let m = &instance.local_from_world;
+    Ray::new(transform_point(m, origin), transform_vector(m, direction))
 }
 
 /// Calls `look` with the ray as the instance's mesh sees it.
@@ -213,8 +255,7 @@ fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) 
     look(if instance.identity {
         ray
     } else {
-        let m = &instance.local_from_world;
-        local = Ray::new(transform_point(m, ray.origin), transform_vector(m, ray.direction));
+        local = to_local(instance, ray.origin, ray.direction);
         &local
     })
 }
@@ -222,7 +263,7 @@ fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) 
 #[inline(always)]
 fn nearest_in<C: Coverage>(
     instance: &InstanceRef,
-    row: u32,
+    part: Part,
     ray: &Ray,
     t_max: &mut f32,
     best: &mut Hit,
@@ -231,17 +272,18 @@ fn nearest_in<C: Coverage>(
     stack: &mut Stack,
 ) {
     let blas = &*instance.blas;
+    let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
-        blas.tree.walk::<true>(local, t_max, stack, |block, _, t_max| {
-            let block = &blas.blocks[block];
+        blas.tree.walk::<true>(Some(part.root), local, t_max, stack, |block, t_max| {
+            let block = TriangleBlock::at(arena, block);
             let met = block.intersect(local, *t_max);
             let mut lanes = met.hits;
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & (LANES - 1);
                 lanes &= lanes - 1;
-                let found = hit_of(&met, block, row, lane);
-                let nearer =
-                    found.t < best.t || found.t == best.t && (row, found.triangle) < (best.instance, best.triangle);
+                let found = hit_of(&met, block, part.instance, lane);
+                let nearer = found.t < best.t
+                    || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
                 if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
                     *best = found;
                     *t_max = found.t;
@@ -253,11 +295,11 @@ fn nearest_in<C: Coverage>(
 }
 
 #[inline(always)]
-fn hit_of(met: &BlockHit, block: &TriangleBlock, instance: u32, lane: usize) -> Hit {
+pub(super) fn hit_of(met: &BlockHit, block: &TriangleBlock, instance: u32, lane: usize) -> Hit {
     Hit {
         t: met.t[lane],
         instance,
-        triangle: block.rows[lane],
+        triangle: block.row(lane),
         b1: met.b1[lane],
         b2: met.b2[lane],
         back: met.back >> lane & 1 == 1,
@@ -267,7 +309,7 @@ fn hit_of(met: &BlockHit, block: &TriangleBlock, instance: u32, lane: usize) -> 
 #[inline(always)]
 fn occluded_in<C: Coverage>(
     instance: &InstanceRef,
-    row: u32,
+    part: Part,
     ray: &Ray,
     t_max: f32,
     ray_id: u32,
@@ -275,17 +317,18 @@ fn occluded_in<C: Coverage>(
     stack: &mut Stack,
 ) -> bool {
     let blas = &*instance.blas;
+    let arena = blas.tree.arena.granules();
     let mut found = false;
     let mut t_end = t_max;
     in_local(instance, ray, |local| {
-        blas.tree.walk::<false>(local, &mut t_end, stack, |block, _, t_end| {
-            let block = &blas.blocks[block];
+        blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, |block, t_end| {
+            let block = TriangleBlock::at(arena, block);
             let met = block.intersect(local, *t_end);
             found = met.hits != 0
                 && (C::TRIVIAL
                     || !instance.check
                     || (0..LANES).any(|lane| {
-                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, row, lane))
+                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
                     }));
             found
         })
@@ -293,15 +336,59 @@ fn occluded_in<C: Coverage>(
     found
 }
 
-/// A box in the world that holds the instance, grown by the rounding of its transform.
-fn world_bounds(instance: &InstanceRef) -> Aabb {
-    let (lo, hi) = instance.blas.bounds();
-    if lo[0] > hi[0] {
+/// What the top level leads to, with boxes in the world: whole meshes, but of large ones the subtrees.
+///
+/// Meshes overlap, and the box of a large one says little of where its triangles are; opened, the top level can lead a
+/// ray past what it would have had to enter (Benthin et al. 2017, "Improved Two-Level BVHs using Partial
+/// Re-Braiding"). A part that has a transform of its own costs more to enter, so fewer of those are made.
+fn open(instances: &[InstanceRef], boxes: Vec<Aabb>, scene_area: f32) -> (Vec<Part>, Vec<Aabb>) {
+    let most = 4 * instances.len() + 2048;
+    let (mut parts, mut bounds) = (Vec::new(), Vec::new());
+    for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
+        let Some(root) = instance.blas.tree.root else { continue };
+        parts.push(Part { instance: row as u32, root });
+        bounds.push(whole);
+    }
+    if parts.len() == 1 {
+        return (parts, bounds);
+    }
+    // Breadth first, so that the largest come before the budget is spent.
+    let mut next = 0;
+    while next < parts.len() && parts.len() + LANES <= most {
+        let Part { instance: row, root } = parts[next];
+        let instance = &instances[row as usize];
+        let least = scene_area * if instance.identity { OPEN_IDENTITY } else { OPEN_PLACED };
+        if root & KIND != 0 || bounds[next].half_area() <= least {
+            next += 1;
+            continue;
+        }
+        let mut children = Node::at(instance.blas.tree.arena.granules(), root).boxes();
+        let (first, child) = children.next().expect("a node has children");
+        parts[next] = Part { instance: row, root: child };
+        bounds[next] = world_bounds(instance, &first);
+        for (local, root) in children {
+            parts.push(Part { instance: row, root });
+            bounds.push(world_bounds(instance, &local));
+        }
+        // The first child is looked at again in its turn: now.
+    }
+    (parts, bounds)
+}
+
+/// Parts larger than this share of the scene's area are opened, if their mesh stands where it was made …
+const OPEN_IDENTITY: f32 = 1.0 / 1024.0;
+/// … and if it has been placed.
+const OPEN_PLACED: f32 = 1.0 / 16.0;
+
+/// A box in the world that holds a box of an instance, grown by the rounding of its transform.
+fn world_bounds(instance: &InstanceRef, local: &Aabb) -> Aabb {
+    if !local.valid() {
         return Aabb::empty();
     }
     if instance.identity {
-        return instance.blas.bounds;
+        return *local;
     }
+    let (lo, hi) = (local.min.to_array(), local.max.to_array());
     let m = &instance.world_from_local;
     let corner =
         |i: u32| -> [f32; 3] { std::array::from_fn(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }) };

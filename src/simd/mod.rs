@@ -6,12 +6,14 @@
 //! [`Mask::any`], which in the scalar twin is an ordinary `if`.
 
 mod lanes8;
+mod prefetch;
 mod scalar;
 mod vec3;
 
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 
+pub use self::prefetch::prefetch;
 pub use self::vec3::{Frame, Rgb, V3};
 
 /// Lanes of a block.

@@ -1,20 +1,29 @@
 //! Adds the light of shadow rays that nothing is in the way of.
 
 use super::{queues::ShadowQueue, tally::Tally};
-use crate::accel::{Accel, Coverage, Stacks};
+use crate::accel::{Accel, Coverage, Rays};
 
 /// Traces the queue and adds what arrives to the tile sums.
-pub fn connect<C: Coverage>(
-    accel: &Accel,
-    shadows: &ShadowQueue,
-    coverage: &C,
-    stacks: &mut Stacks,
-    tally: &mut Tally,
-) {
-    for i in 0..shadows.len() {
-        let (origin, direction) = (shadows.origin[i], shadows.direction[i]);
-        if !accel.occluded(origin, direction, shadows.t_max[i], shadows.ray_id[i], coverage, stacks) {
-            tally.add(shadows.slot[i], shadows.sample[i], shadows.light[i]);
+pub fn connect<C: Coverage>(accel: &Accel, shadows: &ShadowQueue, coverage: &C, tally: &mut Tally) {
+    accel.occluded_of(shadows, coverage, |row, occluded| {
+        if !occluded {
+            tally.add(shadows.slot[row], shadows.sample[row], shadows.light[row]);
         }
+    });
+}
+
+impl Rays for ShadowQueue {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, i: usize) -> ([f32; 3], [f32; 3], f32) {
+        (self.origin[i], self.direction[i], self.t_max[i])
+    }
+
+    #[inline(always)]
+    fn id(&self, i: usize) -> u32 {
+        self.ray_id[i]
     }
 }

@@ -4,30 +4,37 @@ use super::{
     dimensions::ray_id,
     queues::{HitQueue, HitRow, PathQueue},
 };
-use crate::accel::{Accel, Coverage, Stacks};
+use crate::accel::{Accel, Coverage, Hit, Rays};
 
 /// Fills `hits` with the nearest hit of each row of `paths`; where something `blends`, rays are named.
-pub fn intersect<C: Coverage>(
-    accel: &Accel,
-    paths: &PathQueue,
+pub fn intersect<C: Coverage>(accel: &Accel, paths: &PathQueue, blends: bool, coverage: &C, hits: &mut HitQueue) {
+    hits.resize(paths.len());
+    accel.nearest_of(&PathRays { paths, blends }, coverage, |row, hit| {
+        let Hit { t, b1, b2, instance, triangle, back } = *hit;
+        hits.set(row, HitRow { t, b1, b2, instance, triangle, back: u32::from(back) });
+    });
+}
+
+/// The rays of a path queue.
+struct PathRays<'a> {
+    paths: &'a PathQueue,
     blends: bool,
-    coverage: &C,
-    stacks: &mut Stacks,
-    hits: &mut HitQueue,
-) {
-    hits.clear();
-    for i in 0..paths.len() {
-        let origin = [paths.ox[i], paths.oy[i], paths.oz[i]];
-        let direction = [paths.dx[i], paths.dy[i], paths.dz[i]];
-        let id = if !blends { 0 } else { ray_id(paths.pixel_hash[i], paths.sample[i], paths.depth[i], 0) };
-        let hit = accel.nearest(origin, direction, paths.t_max[i], id, coverage, stacks);
-        hits.push(HitRow {
-            t: hit.t,
-            b1: hit.b1,
-            b2: hit.b2,
-            instance: hit.instance,
-            triangle: hit.triangle,
-            back: u32::from(hit.back),
-        });
+}
+
+impl Rays for PathRays<'_> {
+    fn count(&self) -> usize {
+        self.paths.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, i: usize) -> ([f32; 3], [f32; 3], f32) {
+        let paths = self.paths;
+        ([paths.ox[i], paths.oy[i], paths.oz[i]], [paths.dx[i], paths.dy[i], paths.dz[i]], paths.t_max[i])
+    }
+
+    #[inline(always)]
+    fn id(&self, i: usize) -> u32 {
+        let paths = self.paths;
+        if self.blends { ray_id(paths.pixel_hash[i], paths.sample[i], paths.depth[i], 0) } else { 0 }
     }
 }

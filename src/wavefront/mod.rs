@@ -55,7 +55,7 @@ use self::{
 };
 pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render};
 use crate::{
-    accel::{Coverage, Solid, Stacks},
+    accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
     film::{Tile, Unit},
     flat::{FlatScene, SceneNeeds, ShadingClass},
@@ -130,7 +130,6 @@ pub struct Worker {
     shadows: ShadowQueue,
     order: Order,
     alive: Vec<u32>,
-    stacks: Stacks,
     /// What this worker did.
     counters: Counters,
 }
@@ -153,7 +152,7 @@ impl Worker {
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
         let mut cursor = Cursor { sample: from, end: to, pixel: 0 };
-        let Self { paths, next, hits, shadows, order, alive, stacks, counters } = self;
+        let Self { paths, next, hits, shadows, order, alive, counters } = self;
         paths.clear();
         next.clear();
         // Once, so that no stage allocates however the paths of a wave turn out.
@@ -182,7 +181,7 @@ impl Worker {
                 break;
             }
             counters.time(Stage::Intersect, paths.len(), |_| {
-                intersect::intersect(&scene.accel, paths, settings.blends, coverage, stacks, hits);
+                intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
             });
             counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, order));
             if settings.absorbs {
@@ -251,7 +250,7 @@ impl Worker {
             if !shadows.is_empty() {
                 counters.rays.shadow += shadows.len() as u64;
                 counters.time(Stage::Connect, shadows.len(), |_| {
-                    connect::connect(&scene.accel, shadows, coverage, stacks, &mut tally);
+                    connect::connect(&scene.accel, shadows, coverage, &mut tally);
                 });
             }
             paths.clear();

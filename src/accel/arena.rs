@@ -1,0 +1,78 @@
+//! Memory that trees lie in: one piece, in units of half a cache line, on huge pages where the system gives them.
+
+use memmap2::MmapMut;
+
+use crate::simd::LANES;
+
+/// Eight numbers of 32 bits, the unit of an [`Arena`].
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(32))]
+pub struct Granule(pub [u32; LANES]);
+
+impl Granule {
+    /// Of single-precision numbers.
+    pub fn of(values: [f32; LANES]) -> Self {
+        Self(values.map(f32::to_bits))
+    }
+
+    /// As single-precision numbers.
+    #[inline(always)]
+    pub fn values(self) -> [f32; LANES] {
+        bytemuck::cast(self.0)
+    }
+}
+
+/// From here on huge pages are asked for: below, a tree touches few ordinary ones.
+const HUGE: usize = 1 << 21;
+
+/// An array of granules that never changes.
+///
+/// A tree of a million triangles lies on some 20,000 ordinary pages, more than a core remembers the places of.
+#[derive(Debug)]
+pub enum Arena {
+    /// Ordinary memory.
+    Heap(Vec<Granule>),
+    /// Pages of its own, huge if the system gives them.
+    Pages(MmapMut),
+}
+
+impl Default for Arena {
+    fn default() -> Self {
+        Self::Heap(Vec::new())
+    }
+}
+
+impl Arena {
+    /// Moves granules to where they stay.
+    pub fn new(granules: Vec<Granule>) -> Self {
+        let bytes = size_of_val(granules.as_slice());
+        if bytes < HUGE {
+            return Self::Heap(granules);
+        }
+        // Without pages of its own it stays where it is, which is slower and as right.
+        let Ok(mut pages) = MmapMut::map_anon(bytes) else { return Self::Heap(granules) };
+        #[cfg(target_os = "linux")]
+        let _ = pages.advise(memmap2::Advice::HugePage);
+        bytemuck::cast_slice_mut(&mut pages).copy_from_slice(&granules);
+        Self::Pages(pages)
+    }
+
+    /// The granules.
+    pub fn granules(&self) -> &[Granule] {
+        match self {
+            Self::Heap(granules) => granules,
+            Self::Pages(pages) => bytemuck::cast_slice(pages),
+        }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.granules())
+    }
+}
+
+impl Clone for Arena {
+    fn clone(&self) -> Self {
+        Self::new(self.granules().to_vec())
+    }
+}

@@ -77,8 +77,8 @@ struct Slot<'a> {
     id: u32,
     /// Index of the ray in its wave.
     index: u32,
-    /// The ray as it came: start and direction.
-    world: ([f32; 3], [f32; 3]),
+    /// The ray as it came.
+    world: Ray,
     /// Subtrees put off, by distance. Eight entries that are always met lie below the first.
     near: [f32; STACK + 2 * LANES],
     child: [u32; STACK + 2 * LANES],
@@ -175,7 +175,7 @@ impl<'a> Slot<'a> {
             best: NO_HIT,
             id: 0,
             index: 0,
-            world: ([0.0; 3], [0.0; 3]),
+            world: Ray::new([0.0; 3], [0.0, 0.0, 1.0]),
             near: [0.0; STACK + 2 * LANES],
             child: [0; STACK + 2 * LANES],
         };
@@ -251,8 +251,8 @@ impl<'a> Slot<'a> {
         let (origin, direction, t_max) = rays.ray(index);
         self.index = index as u32;
         self.id = rays.id(index);
-        self.world = (origin, direction);
-        self.ray = Ray::new(origin, direction);
+        self.world = Ray::new(origin, direction);
+        self.ray = self.world;
         self.t_max = t_max;
         self.best = NO_HIT;
         self.top = LANES;
@@ -278,18 +278,26 @@ impl<'a> Slot<'a> {
         self.instance = part.instance;
         self.check = instance.check;
         if !instance.identity {
-            self.ray = to_local(instance, self.world.0, self.world.1);
+            self.ray = to_local(instance, self.world.origin, self.world.direction);
         }
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;
         fetch(self.arena, self.current);
     }
 
-    /// Goes back to the top level.
+    /// Goes back to the top level if that is next; returns the kind of the next step.
+    #[inline(always)]
+    fn leave_if_told<const ANY: bool>(&mut self, accel: &'a Accel) -> usize {
+        if self.current == LEAVE {
+            self.leave::<ANY>(accel);
+        }
+        (self.current >> 30) as usize
+    }
+
     #[inline(always)]
     fn leave<const ANY: bool>(&mut self, accel: &'a Accel) {
         if !accel.instances[self.instance as usize].identity {
-            self.ray = Ray::new(self.world.0, self.world.1);
+            self.ray = self.world;
         }
         self.arena = accel.tree.arena.granules();
         self.pop::<ANY>();
@@ -358,11 +366,11 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         drain!(0, |slot| slot.descend::<ANY>());
         drain!(POP, |slot| {
             slot.pop::<ANY>();
-            (slot.current >> 30) as usize
+            slot.leave_if_told::<ANY>(accel)
         });
         drain!((LEAF >> 30) as usize, |slot| {
             slot.test::<ANY, C>(coverage);
-            (slot.current >> 30) as usize
+            slot.leave_if_told::<ANY>(accel)
         });
         drain!((INSTANCE >> 30) as usize, |slot| {
             slot.enter(accel);
@@ -370,7 +378,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         });
         drain!(3, |slot| {
             if slot.current == LEAVE {
-                slot.leave::<ANY>(accel);
+                slot.leave_if_told::<ANY>(accel)
             } else {
                 done(slot.index as usize, &slot.best);
                 if next == count {
@@ -379,8 +387,8 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
                 }
                 slot.begin(accel, next, rays);
                 next += 1;
+                (slot.current >> 30) as usize
             }
-            (slot.current >> 30) as usize
         });
     }
 }

@@ -6,14 +6,23 @@
 //! for scenes that are solid throughout.
 
 mod brute;
+mod bvh2;
 mod bvh8;
+#[cfg(test)]
+mod family;
+mod grid;
+mod kdtree;
+mod space;
 mod structure;
 mod triangle;
 mod two_level;
 
 pub use self::{
     brute::Brute,
+    bvh2::Bvh2,
     bvh8::{Bvh8, Quality},
+    grid::Grid,
+    kdtree::KdTree,
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},

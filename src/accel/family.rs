@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use super::{
-    Brute, Bvh2, Counters, Grid, KdTree, Nearest, Ray, Structure, TriangleHit, Work,
+    Brute, Bvh2, Counters, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit, Work,
     space::{Bounds, Soup, overlaps},
 };
 
@@ -305,6 +305,7 @@ fn every_structure_finds_exactly_what_brute_force_finds() {
     check_agrees_with_brute_force::<Bvh2>();
     check_agrees_with_brute_force::<KdTree>();
     check_agrees_with_brute_force::<Grid>();
+    check_agrees_with_brute_force::<Octree>();
 }
 
 /// A structure that has lost one triangle.
@@ -375,8 +376,8 @@ fn the_work_is_as_the_theory_says() {
     let triangles = teapot_in_a_stadium(100, 40);
     let count = triangles.len() as u64;
     assert_eq!(work::<Brute>(&triangles), Work { nodes: 0, triangles: 1000 * count });
-    let [bvh2, kdtree] = [work::<Bvh2>(&triangles), work::<KdTree>(&triangles)];
-    for tree in [bvh2, kdtree] {
+    let [bvh2, kdtree, octree] = [work::<Bvh2>(&triangles), work::<KdTree>(&triangles), work::<Octree>(&triangles)];
+    for tree in [bvh2, kdtree, octree] {
         assert!(tree.triangles < 1000 * 40 && tree.nodes < 1000 * 150, "{tree:?}");
     }
     let grid = work::<Grid>(&triangles);

@@ -12,6 +12,7 @@ mod bvh8;
 mod family;
 mod grid;
 mod kdtree;
+mod octree;
 mod space;
 mod structure;
 mod triangle;
@@ -23,6 +24,7 @@ pub use self::{
     bvh8::{Bvh8, Quality},
     grid::Grid,
     kdtree::KdTree,
+    octree::Octree,
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},

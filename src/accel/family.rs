@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use super::{
-    Brute, Bvh2, Counters, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit, Work,
+    Brute, Bsp, Bvh2, Counters, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit, Work,
     space::{Bounds, Soup, overlaps},
 };
 
@@ -306,6 +306,7 @@ fn every_structure_finds_exactly_what_brute_force_finds() {
     check_agrees_with_brute_force::<KdTree>();
     check_agrees_with_brute_force::<Grid>();
     check_agrees_with_brute_force::<Octree>();
+    check_agrees_with_brute_force::<Bsp>();
 }
 
 /// A structure that has lost one triangle.

@@ -14,19 +14,19 @@ use super::{
 
 /// Cost of visiting a node, in tests of a triangle. Of 0.4, 0.7, 1.5 and 3 this made the fastest walks in a torus and
 /// in a soup of 100,000 triangles.
-const VISIT: f64 = 1.5;
+pub(super) const VISIT: f64 = 1.5;
 
 /// What is left of the cost of a plane that cuts off empty space (Wald, Havran 2006, section 3.2.1).
-const EMPTY: f64 = 0.8;
+pub(super) const EMPTY: f64 = 0.8;
 
 /// Most references for each triangle. Meshes have two to five; the bound is for triangles that cross each other all over.
-const MOST_REFERENCES: usize = 16;
+pub(super) const MOST_REFERENCES: usize = 16;
 
 /// Cells of fewer triangles are built without splitting the work.
-const PARALLEL: usize = 4096;
+pub(super) const PARALLEL: usize = 4096;
 
 /// Deepest tree.
-const DEPTH: usize = 56;
+pub(super) const DEPTH: usize = 56;
 
 /// Marks a leaf where others have their axis.
 const LEAF: u32 = 3;
@@ -51,9 +51,17 @@ pub struct KdTree {
 
 /// A triangle in a cell: the box around the part of it that is in there.
 #[derive(Clone, Copy, Debug)]
-struct Part {
-    reference: u32,
-    bounds: Bounds,
+pub(super) struct Part {
+    pub reference: u32,
+    pub bounds: Bounds,
+}
+
+impl Part {
+    /// All of every triangle.
+    pub fn all(soup: &Soup) -> Vec<Self> {
+        let part = |index| Self { reference: index as u32, bounds: soup.bounds_of(index) };
+        (0..soup.triangles.len()).into_par_iter().map(part).collect()
+    }
 }
 
 /// A tree while it is built.
@@ -64,16 +72,33 @@ enum Tree {
 
 /// A plane and what it costs.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
-    axis: usize,
-    at: f32,
+pub(super) struct Candidate {
+    pub axis: usize,
+    pub at: f32,
     cost: f64,
     /// True if triangles in the plane go below.
     below: bool,
 }
 
+/// Depth worth allowing for so many triangles (Pharr, Jakob, Humphreys 2016, section 4.4.2).
+pub(super) fn depth_for(count: usize) -> usize {
+    (8.0 + 1.3 * (count as f64).log2()).round().min(DEPTH as f64) as usize
+}
+
+/// The best plane across any axis, if it costs less than a leaf.
+pub(super) fn best_plane(parts: &[Part], cell: &Bounds) -> Option<Candidate> {
+    let best = |axis| best_across(parts, cell, axis, parts.len() as f64);
+    let planes: [_; 3] = if parts.len() < PARALLEL {
+        [0, 1, 2].map(best)
+    } else {
+        let (x, (y, z)) = rayon::join(|| best(0), || rayon::join(|| best(1), || best(2)));
+        [x, y, z]
+    };
+    planes.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
+}
+
 /// The best plane across one axis, if it costs less than `cost`.
-fn best_plane(parts: &[Part], cell: &Bounds, axis: usize, cost: f64) -> Option<Candidate> {
+fn best_across(parts: &[Part], cell: &Bounds, axis: usize, cost: f64) -> Option<Candidate> {
     let (mut lower, mut upper) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
     // Where the triangles lie that are in a plane across the axis.
     let mut flat = Vec::new();
@@ -131,7 +156,7 @@ fn best_plane(parts: &[Part], cell: &Bounds, axis: usize, cost: f64) -> Option<C
 }
 
 /// What is in the cell below the plane and in the one above it.
-fn divide(soup: &Soup, parts: Vec<Part>, cell: &Bounds, plane: &Candidate) -> [Vec<Part>; 2] {
+pub(super) fn divide(soup: &Soup, parts: Vec<Part>, cell: &Bounds, plane: &Candidate) -> [Vec<Part>; 2] {
     let Candidate { axis, at, .. } = *plane;
     let cells = cell.split(axis, at);
     let mut scissors = Scissors::default();
@@ -166,15 +191,7 @@ fn grow(soup: &Soup, parts: Vec<Part>, cell: &Bounds, depth: usize, budget: usiz
     if depth == 0 {
         return leaf(parts);
     }
-    let cost = parts.len() as f64;
-    let best = |axis| best_plane(&parts, cell, axis, cost);
-    let planes: [_; 3] = if parts.len() < PARALLEL {
-        [0, 1, 2].map(best)
-    } else {
-        let (x, (y, z)) = rayon::join(|| best(0), || rayon::join(|| best(1), || best(2)));
-        [x, y, z]
-    };
-    let Some(plane) = planes.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)) else {
+    let Some(plane) = best_plane(&parts, cell) else {
         return leaf(parts);
     };
     let count = parts.len();
@@ -282,14 +299,9 @@ impl Structure for KdTree {
         if tree.soup.triangles.is_empty() {
             return tree;
         }
-        let parts: Vec<Part> = (0..tree.soup.triangles.len())
-            .into_par_iter()
-            .map(|index| Part { reference: index as u32, bounds: tree.soup.bounds_of(index) })
-            .collect();
+        let parts = Part::all(&tree.soup);
         let count = parts.len();
-        // Pharr, Jakob, Humphreys 2016, section 4.4.2.
-        let depth = (8.0 + 1.3 * (count as f64).log2()).round() as usize;
-        let grown = grow(&tree.soup, parts, &tree.soup.bounds, depth.min(DEPTH), MOST_REFERENCES * count);
+        let grown = grow(&tree.soup, parts, &tree.soup.bounds, depth_for(count), MOST_REFERENCES * count);
         tree.append(grown);
         tree
     }

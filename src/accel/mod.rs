@@ -6,6 +6,7 @@
 //! for scenes that are solid throughout.
 
 mod brute;
+mod bsp;
 mod bvh2;
 mod bvh8;
 #[cfg(test)]
@@ -20,6 +21,7 @@ mod two_level;
 
 pub use self::{
     brute::Brute,
+    bsp::Bsp,
     bvh2::Bvh2,
     bvh8::{Bvh8, Quality},
     grid::Grid,

@@ -75,7 +75,7 @@ fn city() -> Triangles {
 }
 
 /// A flat square of quads across an axis.
-fn floor(across: usize, quads: usize) -> Triangles {
+pub(super) fn floor(across: usize, quads: usize) -> Triangles {
     let at = |i: usize, j: usize| {
         let mut p = [0.25; 3];
         p[(across + 1) % 3] = i as f32 / quads as f32;

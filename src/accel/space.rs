@@ -70,12 +70,6 @@ impl Bounds {
         std::array::from_fn(|axis| f64::from(self.upper[axis]) - f64::from(self.lower[axis]))
     }
 
-    /// Half the area of the faces: rays that meet a box meet one within it with the probability of the ratio of areas.
-    pub fn half_area(&self) -> f64 {
-        let [x, y, z] = self.size();
-        x * y + y * z + z * x
-    }
-
     /// Both parts of a box divided by a plane.
     pub fn split(&self, axis: usize, at: f32) -> [Self; 2] {
         let [mut below, mut above] = [*self; 2];

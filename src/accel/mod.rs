@@ -7,15 +7,28 @@
 
 mod arena;
 mod brute;
+mod bsp;
+mod bvh2;
 mod bvh8;
+#[cfg(test)]
+mod family;
+mod grid;
+mod kdtree;
+mod octree;
 mod queue;
+mod space;
 mod structure;
 mod triangle;
 mod two_level;
 
 pub use self::{
     brute::Brute,
+    bsp::Bsp,
+    bvh2::Bvh2,
     bvh8::Quality,
+    grid::Grid,
+    kdtree::KdTree,
+    octree::Octree,
     queue::Rays,
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},

@@ -4,8 +4,8 @@
 //! After Ize, Wald, Parker 2008, "Ray Tracing with the BSP Tree": planes are chosen by the surface area heuristic, with
 //! the areas of the convex polytopes that cells are; candidates are the kd-tree's, the planes of triangles ("auto-
 //! partition"), and planes through their edges upright on them; planes across axes are met at the kd-tree's price.
-//! Trying all of these takes O(n²) in a cell. The paper does so from the root on and takes hours; here cells are cut as
-//! in a [`super::KdTree`] until they hold few triangles.
+//! Trying all of these takes O(n²) in a cell. To build in the time of the other structures, cells are cut here as in a
+//! [`super::KdTree`] until they hold few triangles.
 
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,

@@ -1,9 +1,10 @@
 //! What holds for every structure: it gives exactly the hits of brute force, whatever the mesh and the ray.
 
-use std::f32::consts::TAU;
+use std::{f32::consts::TAU, sync::Arc};
 
 use super::{
-    Brute, Bsp, Bvh2, Counters, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit, Work,
+    Accel, Blas, Brute, Bsp, Bvh2, Counters, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Solid,
+    Structure, TriangleHit, Work,
     space::{Bounds, Soup, overlaps},
 };
 
@@ -307,6 +308,41 @@ fn every_structure_finds_exactly_what_brute_force_finds() {
     check_agrees_with_brute_force::<Grid>();
     check_agrees_with_brute_force::<Octree>();
     check_agrees_with_brute_force::<Bsp>();
+    check_agrees_with_brute_force::<Blas>();
+}
+
+/// The same of waves through the eight-wide tree, whose rays are in flight together.
+#[test]
+fn waves_find_exactly_what_brute_force_finds() {
+    for (name, triangles) in scenes() {
+        let truth = Brute::build(&triangles);
+        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let only = InstanceRef {
+            blas: Arc::new(Blas::build(&triangles)),
+            world_from_local: identity,
+            local_from_world: identity,
+            identity: true,
+            check: false,
+        };
+        let accel = Accel::build(vec![only]);
+        let list: Vec<_> = rays(&triangles, 2000, 12).iter().map(|r| (r.origin, r.direction, f32::INFINITY)).collect();
+        let list = RayList(list);
+        let mut answered = 0;
+        accel.nearest_of(&list, &Solid, |index, hit| {
+            let (origin, direction, t_max) = list.0[index];
+            let mut want = Nearest::none(t_max);
+            truth.nearest(&Ray::new(origin, direction), &mut want, |_, _| true, &mut ());
+            let got = Nearest { t: hit.t, triangle: hit.triangle, b1: hit.b1, b2: hit.b2, back: hit.back };
+            assert_eq!(got, want, "{name}, ray {index}");
+            answered += 1;
+        });
+        assert_eq!(answered, list.0.len());
+        accel.occluded_of(&list, &Solid, |index, occluded| {
+            let (origin, direction, t_max) = list.0[index];
+            let want = truth.occluded(&Ray::new(origin, direction), t_max, |_, _| true, &mut ());
+            assert_eq!(occluded, want, "{name}, ray {index}");
+        });
+    }
 }
 
 /// A structure that has lost one triangle.

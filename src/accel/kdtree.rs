@@ -16,7 +16,7 @@ use super::{
 /// in a soup of 100,000 triangles.
 pub(super) const VISIT: f64 = 1.5;
 
-/// What is left of the cost of a plane that cuts off empty space (Wald, Havran 2006, section 3.2.1).
+/// What is left of the cost of a plane that cuts off empty space (Wald, Havran 2006).
 pub(super) const EMPTY: f64 = 0.8;
 
 /// Most references for each triangle. Meshes have two to five; the bound is for triangles that cross each other all over.

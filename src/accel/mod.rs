@@ -29,7 +29,7 @@ pub use self::{
     grid::Grid,
     kdtree::KdTree,
     octree::Octree,
-    queue::Rays,
+    queue::{RayList, Rays},
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
@@ -168,7 +168,7 @@ mod tests {
     impl Coverage for Sieve {
         const TRIVIAL: bool = false;
         fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
-            (ray_id ^ hit.triangle.wrapping_mul(0x9e37_79b9) ^ hit.instance) % 3 != 0
+            !(ray_id ^ hit.triangle.wrapping_mul(0x9e37_79b9) ^ hit.instance).is_multiple_of(3)
         }
     }
 

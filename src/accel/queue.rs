@@ -13,6 +13,8 @@ use super::{
     Coverage,
     arena::Granule,
     bvh8::{INSTANCE, KIND, LEAF, Node},
+    space::{Beam, Bounds},
+    structure::Counters,
     triangle::{Ray, TriangleBlock},
     two_level::{Accel, Hit, NO_HIT, hit_of, to_local},
 };
@@ -40,6 +42,26 @@ pub trait Rays {
     fn id(&self, index: usize) -> u32;
 }
 
+/// Rays in a list, all of one name: start, direction, end in units of the direction.
+#[derive(Clone, Debug, Default)]
+pub struct RayList(pub Vec<([f32; 3], [f32; 3], f32)>);
+
+impl Rays for RayList {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, index: usize) -> ([f32; 3], [f32; 3], f32) {
+        self.0[index]
+    }
+
+    #[inline(always)]
+    fn id(&self, _: usize) -> u32 {
+        0
+    }
+}
+
 /// The lanes of each mask: those whose bit is set, then the others.
 static COMPRESS: [[u16; LANES]; 256] = {
     let mut table = [[0; LANES]; 256];
@@ -63,6 +85,8 @@ static COMPRESS: [[u16; LANES]; 256] = {
 #[repr(C, align(64))]
 struct Slot<'a> {
     ray: Ray,
+    /// The ray as the boxes see it.
+    beam: Beam,
     t_max: f32,
     /// Entries of the stack.
     top: usize,
@@ -164,8 +188,10 @@ fn sort8(keys: f32x8) -> f32x8 {
 
 impl<'a> Slot<'a> {
     fn new() -> Self {
+        let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
         let mut slot = Self {
-            ray: Ray::new([0.0; 3], [0.0, 0.0, 1.0]),
+            ray,
+            beam: Beam::new(&ray, &Bounds::of(&[[0.0; 3]])),
             t_max: 0.0,
             top: LANES,
             current: DONE,
@@ -175,7 +201,7 @@ impl<'a> Slot<'a> {
             best: NO_HIT,
             id: 0,
             index: 0,
-            world: Ray::new([0.0; 3], [0.0, 0.0, 1.0]),
+            world: ray,
             near: [0.0; STACK + 2 * LANES],
             child: [0; STACK + 2 * LANES],
         };
@@ -188,8 +214,7 @@ impl<'a> Slot<'a> {
     #[inline(always)]
     fn descend<const ANY: bool>(&mut self) -> usize {
         let node = Node::at(self.arena, self.current);
-        let (origin, inverse) = (self.ray.origin.map(f32x8::splat), self.ray.inverse.map(f32x8::splat));
-        let (near, far) = node.distances(&origin, &inverse, self.ray.negative, self.t_max);
+        let (near, far) = node.distances(&self.beam, self.t_max);
         let met = near.simd_le(far);
         let mask = met.to_bitmask() as usize & 255;
         let count = mask.count_ones() as usize;
@@ -253,6 +278,7 @@ impl<'a> Slot<'a> {
         self.id = rays.id(index);
         self.world = Ray::new(origin, direction);
         self.ray = self.world;
+        self.beam = Beam::new(&self.world, &accel.reach);
         self.t_max = t_max;
         self.best = NO_HIT;
         self.top = LANES;
@@ -279,6 +305,7 @@ impl<'a> Slot<'a> {
         self.check = instance.check;
         if !instance.identity {
             self.ray = to_local(instance, self.world.origin, self.world.direction);
+            self.beam = Beam::new(&self.ray, &instance.blas.reach());
         }
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;
@@ -298,6 +325,7 @@ impl<'a> Slot<'a> {
     fn leave<const ANY: bool>(&mut self, accel: &'a Accel) {
         if !accel.instances[self.instance as usize].identity {
             self.ray = self.world;
+            self.beam = Beam::new(&self.world, &accel.reach);
         }
         self.arena = accel.tree.arena.granules();
         self.pop::<ANY>();
@@ -336,6 +364,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
     accel: &Accel,
     rays: &impl Rays,
     coverage: &C,
+    counters: &mut impl Counters,
     mut done: impl FnMut(usize, &Hit),
 ) {
     let mut slots: [Slot; IN_FLIGHT] = [const { None::<()> }; IN_FLIGHT].map(|_| Slot::new());
@@ -363,12 +392,16 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         };
     }
     while under_way > 0 {
-        drain!(0, |slot| slot.descend::<ANY>());
+        drain!(0, |slot| {
+            counters.node();
+            slot.descend::<ANY>()
+        });
         drain!(POP, |slot| {
             slot.pop::<ANY>();
             slot.leave_if_told::<ANY>(accel)
         });
         drain!((LEAF >> 30) as usize, |slot| {
+            counters.triangles(LANES);
             slot.test::<ANY, C>(coverage);
             slot.leave_if_told::<ANY>(accel)
         });

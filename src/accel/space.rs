@@ -12,11 +12,11 @@ use super::{Counters, Nearest, Ray, TriangleHit, intersect, triangle::has_area};
 /// function, 9 round `t`; another 3 round the distance to a plane. Rounded up generously, which costs nothing.
 ///
 /// Not covered are rays so nearly in the plane of a triangle that its edge functions are noise: where their signs agree
-/// by chance, the hit may be anywhere along the triangle. [`Soup::blur`] is for triangles that are as thin from all sides.
+/// by chance, the hit may be anywhere along the triangle. [`blur`] is for triangles that are as thin from all sides.
 const SLACK: f32 = 16.0 * f32::EPSILON;
 
 /// A box, with its faces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Bounds {
     /// Lowest coordinates.
     pub lower: [f32; 3],
@@ -96,32 +96,20 @@ impl Soup {
         let triangles: Vec<_> = (0..).zip(triangles.iter().copied()).filter(|(_, corners)| has_area(corners)).collect();
         let bounds = triangles.iter().fold(Bounds::EMPTY, |all, (_, corners)| all.union(&Bounds::of(corners)));
         // No origin is nearer to the farthest corner than half the longest edge; half of it is left for other errors.
-        let [x, y, z] = bounds.size();
-        let covered = 0.25 * f64::from(SLACK) * x.max(y).max(z);
+        let covered = covered(&bounds);
         let mut soup = Self { triangles, bounds, covered };
         soup.bounds = (0..soup.triangles.len()).fold(bounds, |all, index| all.union(&soup.bounds_of(index)));
         soup
     }
 
-    /// How far from a triangle its hits may be because it is thin; zero unless it is so thin that this matters.
-    ///
-    /// Edge functions are off by about ε·l², where l is the longest edge, the barycentrics by ε·l²/(l·h), where h is the
-    /// height over it, and `t`, which is mixed by them, by ε·l²/h.
+    /// How far from a triangle its hits may be because it is thin.
     pub fn blur(&self, index: usize) -> f64 {
-        let [a, b, c] = self.triangles[index].1.map(|corner| corner.map(f64::from));
-        let between = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| to[i] - from[i]) };
-        let square = |[x, y, z]: [f64; 3]| x * x + y * y + z * z;
-        let (e, f) = (between(a, b), between(a, c));
-        let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-        let longest = square(e).max(square(f)).max(square(between(b, c))).sqrt();
-        let height = square(normal).sqrt() / longest;
-        let blur = (4.0 * f64::from(f32::EPSILON) * longest * longest / height).min(longest);
-        if blur > self.covered { blur } else { 0.0 }
+        blur(&self.triangles[index].1, self.covered)
     }
 
     /// The box around a triangle and where its hits may be.
     pub fn bounds_of(&self, index: usize) -> Bounds {
-        Bounds::of(&self.triangles[index].1).padded(self.blur(index))
+        blurred(&self.triangles[index].1, self.covered)
     }
 
     /// Bytes held.
@@ -169,6 +157,33 @@ impl Soup {
     }
 }
 
+/// Blur that the [`margin`] of any ray covers, for triangles within bounds.
+pub(super) fn covered(bounds: &Bounds) -> f64 {
+    let [x, y, z] = bounds.size();
+    0.25 * f64::from(SLACK) * x.max(y).max(z)
+}
+
+/// The box around a triangle and where its hits may be, but for what is [`covered`].
+pub(super) fn blurred(corners: &[[f32; 3]; 3], covered: f64) -> Bounds {
+    Bounds::of(corners).padded(blur(corners, covered))
+}
+
+/// How far from a triangle its hits may be because it is thin; zero unless it is so thin that this matters.
+///
+/// Edge functions are off by about ε·l², where l is the longest edge, the barycentrics by ε·l²/(l·h), where h is the
+/// height over it, and `t`, which is mixed by them, by ε·l²/h.
+pub(super) fn blur(corners: &[[f32; 3]; 3], covered: f64) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    let between = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| to[i] - from[i]) };
+    let square = |[x, y, z]: [f64; 3]| x * x + y * y + z * z;
+    let (e, f) = (between(a, b), between(a, c));
+    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+    let longest = square(e).max(square(f)).max(square(between(b, c))).sqrt();
+    let height = square(normal).sqrt() / longest;
+    let blur = (4.0 * f64::from(f32::EPSILON) * longest * longest / height).min(longest);
+    if blur > covered { blur } else { 0.0 }
+}
+
 /// A ray as thick as its rounding errors.
 ///
 /// A hit at `t` is a point of a triangle within the beam at `t`: whoever visits at `t` all that the beam meets there
@@ -176,13 +191,17 @@ impl Soup {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beam {
     /// Origins from which planes are met early and late.
-    early: [f32; 3],
-    late: [f32; 3],
-    inverse: [f32; 3],
-    negative: [usize; 3],
+    pub early: [f32; 3],
+    /// As above.
+    pub late: [f32; 3],
+    /// One over each component of the direction.
+    pub inverse: [f32; 3],
+    /// 1 for each component that runs towards smaller coordinates, else 0.
+    pub negative: [usize; 3],
 }
 
 /// How far beside the ray its hits may be, for triangles within bounds.
+#[inline(always)]
 pub(super) fn margin(ray: &Ray, bounds: &Bounds) -> f32 {
     let reach = |axis: usize| {
         let [below, above] = [bounds.lower, bounds.upper].map(|corner| (corner[axis] - ray.origin[axis]).abs());
@@ -193,12 +212,12 @@ pub(super) fn margin(ray: &Ray, bounds: &Bounds) -> f32 {
 
 impl Beam {
     /// For triangles within bounds.
-    #[inline]
+    #[inline(always)]
     pub fn new(ray: &Ray, bounds: &Bounds) -> Self {
         let margin = margin(ray, bounds);
         // Far from zero the margin may be less than the origin's last place, and would be lost.
-        let ahead = ray.origin.map(|x| (x + margin).next_up());
-        let behind = ray.origin.map(|x| (x - margin).next_down());
+        let ahead = ray.origin.map(|x| x + (margin + f32::EPSILON * x.abs()));
+        let behind = ray.origin.map(|x| x - (margin + f32::EPSILON * x.abs()));
         let of = |positive: [f32; 3], negative: [f32; 3]| -> [f32; 3] {
             std::array::from_fn(|axis| if ray.negative[axis] == 0 { positive[axis] } else { negative[axis] })
         };

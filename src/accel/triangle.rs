@@ -130,6 +130,14 @@ pub struct BlockHit {
     pub hits: u32,
 }
 
+impl BlockHit {
+    /// That of a lane.
+    #[inline(always)]
+    pub fn hit(&self, lane: usize) -> TriangleHit {
+        TriangleHit { t: self.t[lane], b1: self.b1[lane], b2: self.b2[lane], back: self.back >> lane & 1 == 1 }
+    }
+}
+
 impl TriangleBlock {
     /// Of at most eight triangles with their rows.
     pub fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self {

@@ -9,7 +9,9 @@ use super::{
     Coverage, Rays,
     bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
     queue,
-    triangle::{BlockHit, Ray, TriangleBlock, has_area},
+    space::{Beam, Bounds, blurred, covered},
+    structure::{Counters, Nearest, Structure},
+    triangle::{BlockHit, Ray, TriangleBlock, TriangleHit, has_area},
 };
 use crate::{flat::NONE, simd::LANES};
 
@@ -18,18 +20,25 @@ use crate::{flat::NONE, simd::LANES};
 pub struct Blas {
     pub(super) tree: Bvh8,
     bounds: Aabb,
+    /// Triangles in it.
+    references: usize,
 }
 
 impl Default for Blas {
     fn default() -> Self {
-        Self { tree: Bvh8::default(), bounds: Aabb::empty() }
+        Self { tree: Bvh8::default(), bounds: Aabb::empty(), references: 0 }
     }
 }
 
 impl Blas {
     /// Over triangles given by their corners, which must be finite. Those without area are left out.
     pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        let bounds_of = |corners| if has_area(corners) { bounds_of(*corners) } else { Aabb::empty() };
+        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
+        let covered = covered(&whole);
+        let bounds_of = |corners: &[[f32; 3]; 3]| {
+            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
+            Aabb::new(lower.into(), upper.into())
+        };
         let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
         let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
         let tree = Bvh8::build(&boxes, Quality::Good, LANES, |rows, arena| {
@@ -37,7 +46,8 @@ impl Blas {
             rows.sort_unstable();
             LEAF | TriangleBlock::new(rows.iter().map(|&row| (row, triangles[row as usize]))).store(arena)
         });
-        Self { tree, bounds }
+        let references = boxes.iter().filter(|one| one.valid()).count();
+        Self { tree, bounds, references }
     }
 
     /// Bytes held.
@@ -45,9 +55,88 @@ impl Blas {
         self.tree.bytes()
     }
 
+    /// As far as its triangles reach.
+    #[inline(always)]
+    pub(super) fn reach(&self) -> Bounds {
+        Bounds { lower: self.bounds.min.to_array(), upper: self.bounds.max.to_array() }
+    }
+
     /// Lowest and highest corner; lowest above highest if there is no triangle.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         (self.bounds.min.to_array(), self.bounds.max.to_array())
+    }
+}
+
+impl Structure for Blas {
+    const NAME: &'static str = "bvh8";
+
+    fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
+        Self::build(triangles)
+    }
+
+    fn bytes(&self) -> usize {
+        self.bytes()
+    }
+
+    fn references(&self) -> usize {
+        self.references
+    }
+
+    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
+    fn nearest(
+        &self,
+        ray: &Ray,
+        best: &mut Nearest,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) {
+        let arena = self.tree.arena.granules();
+        let (mut t_max, mut tested) = (best.t, 0);
+        self.tree.walk::<true>(
+            self.tree.root,
+            &Beam::new(ray, &self.reach()),
+            &mut t_max,
+            &mut Stack::default(),
+            counters,
+            |block, t_max| {
+                let block = TriangleBlock::at(arena, block);
+                tested += LANES;
+                let met = block.intersect(ray, *t_max);
+                for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
+                    best.offer(block.row(lane), &met.hit(lane), &accept);
+                }
+                *t_max = best.t;
+                false
+            },
+        );
+        counters.triangles(tested);
+    }
+
+    fn occluded(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) -> bool {
+        let arena = self.tree.arena.granules();
+        let (mut t_max, mut tested, mut found) = (t_max, 0, false);
+        self.tree.walk::<false>(
+            self.tree.root,
+            &Beam::new(ray, &self.reach()),
+            &mut t_max,
+            &mut Stack::default(),
+            counters,
+            |block, t_max| {
+                let block = TriangleBlock::at(arena, block);
+                tested += LANES;
+                let met = block.intersect(ray, *t_max);
+                found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
+                found
+            },
+        );
+        counters.triangles(tested);
+        found
     }
 }
 
@@ -110,6 +199,8 @@ pub struct Accel {
     /// What the top level leads to.
     pub(super) parts: Vec<Part>,
     bounds: Option<([f32; 3], [f32; 3])>,
+    /// The same, or a point if there is nothing.
+    pub(super) reach: Bounds,
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
 }
@@ -142,7 +233,8 @@ impl Accel {
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
-        Self { tree, instances, parts, bounds, deep }
+        let (lower, upper) = bounds.unwrap_or_default();
+        Self { tree, instances, parts, bounds, reach: Bounds { lower, upper }, deep }
     }
 
     /// Says again which instances need their hits confirmed.
@@ -181,17 +273,35 @@ impl Accel {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
-        self.tree.walk::<true>(self.tree.root, &ray, &mut t_max, top, |row, t_max| {
-            let part = self.parts[row as usize];
-            let instance = &self.instances[part.instance as usize];
-            nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
-            false
-        });
+        self.tree.walk::<true>(
+            self.tree.root,
+            &Beam::new(&ray, &self.reach),
+            &mut t_max,
+            top,
+            &mut (),
+            |row, t_max| {
+                let part = self.parts[row as usize];
+                let instance = &self.instances[part.instance as usize];
+                nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
+                false
+            },
+        );
         best
     }
 
     /// [`Accel::nearest`] of all `rays`; `done` gets the index and the hit of each, in no particular order.
     pub fn nearest_of<C: Coverage>(&self, rays: &impl Rays, coverage: &C, done: impl FnMut(usize, &Hit)) {
+        self.nearest_counted(rays, coverage, &mut (), done);
+    }
+
+    /// [`Accel::nearest_of`], counting its work; that of scenes too deep for waves is not counted.
+    pub fn nearest_counted<C: Coverage>(
+        &self,
+        rays: &impl Rays,
+        coverage: &C,
+        counters: &mut impl Counters,
+        done: impl FnMut(usize, &Hit),
+    ) {
         if self.deep {
             let mut stacks = Stacks::default();
             let mut done = done;
@@ -200,12 +310,23 @@ impl Accel {
                 done(index, &self.nearest(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
         } else {
-            queue::trace::<false, C>(self, rays, coverage, done);
+            queue::trace::<false, C>(self, rays, coverage, counters, done);
         }
     }
 
     /// [`Accel::occluded`] of all `rays`; `done` gets the index and the answer for each, in no particular order.
-    pub fn occluded_of<C: Coverage>(&self, rays: &impl Rays, coverage: &C, mut done: impl FnMut(usize, bool)) {
+    pub fn occluded_of<C: Coverage>(&self, rays: &impl Rays, coverage: &C, done: impl FnMut(usize, bool)) {
+        self.occluded_counted(rays, coverage, &mut (), done);
+    }
+
+    /// [`Accel::occluded_of`], counting its work; that of scenes too deep for waves is not counted.
+    pub fn occluded_counted<C: Coverage>(
+        &self,
+        rays: &impl Rays,
+        coverage: &C,
+        counters: &mut impl Counters,
+        mut done: impl FnMut(usize, bool),
+    ) {
         if self.deep {
             let mut stacks = Stacks::default();
             for index in 0..rays.count() {
@@ -213,7 +334,7 @@ impl Accel {
                 done(index, self.occluded(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
         } else {
-            queue::trace::<true, C>(self, rays, coverage, |index, hit| done(index, hit.instance != NONE));
+            queue::trace::<true, C>(self, rays, coverage, counters, |index, hit| done(index, hit.instance != NONE));
         }
     }
 
@@ -231,12 +352,19 @@ impl Accel {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         let mut found = false;
-        self.tree.walk::<false>(self.tree.root, &ray, &mut t_max, top, |row, t_max| {
-            let part = self.parts[row as usize];
-            let instance = &self.instances[part.instance as usize];
-            found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
-            found
-        });
+        self.tree.walk::<false>(
+            self.tree.root,
+            &Beam::new(&ray, &self.reach),
+            &mut t_max,
+            top,
+            &mut (),
+            |row, t_max| {
+                let part = self.parts[row as usize];
+                let instance = &self.instances[part.instance as usize];
+                found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
+                found
+            },
+        );
         found
     }
 }
@@ -274,23 +402,30 @@ fn nearest_in<C: Coverage>(
     let blas = &*instance.blas;
     let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
-        blas.tree.walk::<true>(Some(part.root), local, t_max, stack, |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
-            let met = block.intersect(local, *t_max);
-            let mut lanes = met.hits;
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize & (LANES - 1);
-                lanes &= lanes - 1;
-                let found = hit_of(&met, block, part.instance, lane);
-                let nearer = found.t < best.t
-                    || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
-                if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
-                    *best = found;
-                    *t_max = found.t;
+        blas.tree.walk::<true>(
+            Some(part.root),
+            &Beam::new(local, &blas.reach()),
+            t_max,
+            stack,
+            &mut (),
+            |block, t_max| {
+                let block = TriangleBlock::at(arena, block);
+                let met = block.intersect(local, *t_max);
+                let mut lanes = met.hits;
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+                    lanes &= lanes - 1;
+                    let found = hit_of(&met, block, part.instance, lane);
+                    let nearer = found.t < best.t
+                        || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
+                    if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
+                        *best = found;
+                        *t_max = found.t;
+                    }
                 }
-            }
-            false
-        })
+                false
+            },
+        )
     });
 }
 
@@ -321,17 +456,25 @@ fn occluded_in<C: Coverage>(
     let mut found = false;
     let mut t_end = t_max;
     in_local(instance, ray, |local| {
-        blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, |block, t_end| {
-            let block = TriangleBlock::at(arena, block);
-            let met = block.intersect(local, *t_end);
-            found = met.hits != 0
-                && (C::TRIVIAL
-                    || !instance.check
-                    || (0..LANES).any(|lane| {
-                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
-                    }));
-            found
-        })
+        blas.tree.walk::<false>(
+            Some(part.root),
+            &Beam::new(local, &blas.reach()),
+            &mut t_end,
+            stack,
+            &mut (),
+            |block, t_end| {
+                let block = TriangleBlock::at(arena, block);
+                let met = block.intersect(local, *t_end);
+                found = met.hits != 0
+                    && (C::TRIVIAL
+                        || !instance.check
+                        || (0..LANES).any(|lane| {
+                            met.hits >> lane & 1 == 1
+                                && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
+                        }));
+                found
+            },
+        )
     });
     found
 }

@@ -27,6 +27,9 @@ pub enum CliError {
     #[error("{} holds light of a display and {} light of a scene; compare two PNGs, or two of EXR and HDR",
         display.display(), scene.display())]
     Referred { display: PathBuf, scene: PathBuf },
+    /// A folder or table that cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Output { path: PathBuf, source: std::io::Error },
     /// The answer of `compare --max-relmse`.
     #[error("relmse {actual:.6e} exceeds {allowed:.6e} (--max-relmse)")]
     Exceeded { actual: f64, allowed: f64 },

@@ -4,6 +4,7 @@
 //! done, 1 bad input, 2 bad usage, 130 after Ctrl-C.
 
 mod args;
+mod bench;
 mod compare;
 mod console;
 mod error;
@@ -54,6 +55,7 @@ enum Command {
     Render(Box<render::Args>),
     Info(info::Args),
     Compare(compare::Args),
+    Bench(bench::Args),
 }
 
 /// How a subcommand ended, if not with an error.
@@ -79,6 +81,7 @@ pub fn run() -> ExitCode {
         Command::Render(args) => render::run(*args, &cli.common, &mut console),
         Command::Info(args) => info::run(&args, &mut console),
         Command::Compare(args) => compare::run(&args, &mut console),
+        Command::Bench(args) => bench::run(&args, &mut console),
     });
     console.finish();
     match ended {

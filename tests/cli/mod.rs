@@ -1,5 +1,6 @@
 //! The program as scripts see it: exit codes, streams, files.
 
+mod bench;
 mod compare;
 mod render;
 mod usage;

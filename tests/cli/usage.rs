@@ -2,7 +2,7 @@
 
 use super::{Folder, line, wavecast};
 
-const SUBCOMMANDS: [&str; 3] = ["render", "info", "compare"];
+const SUBCOMMANDS: [&str; 4] = ["render", "info", "compare", "bench"];
 
 #[test]
 fn help_goes_to_stdout_with_an_example_for_each_subcommand() {
@@ -23,6 +23,11 @@ fn bad_usage_is_an_error_on_stderr_with_exit_code_2() {
     line("").expect(2);
     for words in [
         "paint",
+        "bench",
+        "bench accel",
+        "bench speed scenes/cornell.gltf",
+        "bench accel scenes/cornell.gltf --accel oak",
+        "bench accel scenes/cornell.gltf --runs 0",
         "render",
         "render a.glb",
         "render a.glb -o",

@@ -18,8 +18,8 @@ use wide::f32x8;
 
 use super::{
     arena::{Arena, Granule},
-    space::Beam,
     structure::Counters,
+    triangle::Ray,
 };
 use crate::simd::LANES;
 
@@ -29,6 +29,14 @@ pub(super) const LEAF: u32 = 1 << 30;
 pub(super) const INSTANCE: u32 = 1 << 31;
 /// What a reference is.
 pub(super) const KIND: u32 = LEAF | INSTANCE;
+
+/// Relative rounding error of the slab test's far distance: 1 + 2·γ₃ (Ize 2013, "Robust BVH Ray
+/// Traversal"), so that no box that holds a hit is passed by.
+const FAR_SCALE: f32 = 1.0 + 2.0 * (3.0 * f32::EPSILON / 2.0) / (1.0 - 3.0 * f32::EPSILON / 2.0);
+
+/// How much nearer boxes count than they are, so that rounding which puts a hit just before its box does not hide it behind
+/// an equal one. Less than what shadow rays leave out before a light, whose box they would enter.
+const NEAR_SCALE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// Cost of a leaf in units of that of a node: instructions of their steps, measured.
 const LEAF_COST: f32 = 1.2;
@@ -318,7 +326,7 @@ impl Bvh8 {
     pub fn walk<const SORTED: bool>(
         &self,
         root: Option<u32>,
-        beam: &Beam,
+        ray: &Ray,
         t_max: &mut f32,
         Stack(stack): &mut Stack,
         counters: &mut impl Counters,
@@ -340,7 +348,7 @@ impl Bvh8 {
             } else {
                 counters.node();
                 let node = Node::at(arena, current);
-                let (near, far) = node.distances(beam, *t_max);
+                let (near, far) = node.distances(ray, *t_max);
                 let (near, hits) = (near.to_array(), near.simd_le(far).to_bitmask());
                 if top + LANES > stack.len() {
                     stack.resize(2 * stack.len(), Entry::default());
@@ -420,23 +428,24 @@ impl Node {
         self.0[NODE - 1].0
     }
 
-    /// Distances from and up to which the beam is in the boxes, within 0 to `t_max`; first above second where it misses.
+    /// Distances from and up to which the ray is in the boxes, within 0 to `t_max`; first above second where it misses.
     ///
     /// A zero direction component gives
     /// infinities, or NaN on a slab's plane, which the order of operands in `fast_min` and `fast_max` drops.
     #[inline(always)]
-    pub fn distances(&self, beam: &Beam, t_max: f32) -> (f32x8, f32x8) {
+    pub fn distances(&self, ray: &Ray, t_max: f32) -> (f32x8, f32x8) {
         let mut near = f32x8::ZERO;
-        let mut far = f32x8::splat(t_max);
+        let mut far = f32x8::splat(f32::INFINITY);
         for axis in 0..3 {
-            let side = beam.negative[axis] & 1;
+            let side = ray.negative[axis] & 1;
             let enter = f32x8::new(self.0[2 * axis + side].values());
             let leave = f32x8::new(self.0[2 * axis + 1 - side].values());
-            let inverse = f32x8::splat(beam.inverse[axis]);
-            near = ((enter - f32x8::splat(beam.early[axis])) * inverse).fast_max(near);
-            far = ((leave - f32x8::splat(beam.late[axis])) * inverse).fast_min(far);
+            let inverse = f32x8::splat(ray.inverse[axis]);
+            let origin = f32x8::splat(ray.origin[axis]);
+            near = ((enter - origin) * inverse).fast_max(near);
+            far = ((leave - origin) * inverse).fast_min(far);
         }
-        (near, far)
+        (near * f32x8::splat(NEAR_SCALE), (far * f32x8::splat(FAR_SCALE)).fast_min(f32x8::splat(t_max)))
     }
 }
 

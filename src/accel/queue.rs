@@ -13,7 +13,6 @@ use super::{
     Coverage,
     arena::Granule,
     bvh8::{INSTANCE, KIND, LEAF, Node},
-    space::{Beam, Bounds},
     structure::Counters,
     triangle::{Ray, TriangleBlock},
     two_level::{Accel, Hit, NO_HIT, hit_of, to_local},
@@ -85,8 +84,6 @@ static COMPRESS: [[u16; LANES]; 256] = {
 #[repr(C, align(64))]
 struct Slot<'a> {
     ray: Ray,
-    /// The ray as the boxes see it.
-    beam: Beam,
     t_max: f32,
     /// Entries of the stack.
     top: usize,
@@ -191,7 +188,6 @@ impl<'a> Slot<'a> {
         let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
         let mut slot = Self {
             ray,
-            beam: Beam::new(&ray, &Bounds::of(&[[0.0; 3]])),
             t_max: 0.0,
             top: LANES,
             current: DONE,
@@ -214,7 +210,7 @@ impl<'a> Slot<'a> {
     #[inline(always)]
     fn descend<const ANY: bool>(&mut self) -> usize {
         let node = Node::at(self.arena, self.current);
-        let (near, far) = node.distances(&self.beam, self.t_max);
+        let (near, far) = node.distances(&self.ray, self.t_max);
         let met = near.simd_le(far);
         let mask = met.to_bitmask() as usize & 255;
         let count = mask.count_ones() as usize;
@@ -278,7 +274,6 @@ impl<'a> Slot<'a> {
         self.id = rays.id(index);
         self.world = Ray::new(origin, direction);
         self.ray = self.world;
-        self.beam = Beam::new(&self.world, &accel.reach);
         self.t_max = t_max;
         self.best = NO_HIT;
         self.top = LANES;
@@ -305,7 +300,6 @@ impl<'a> Slot<'a> {
         self.check = instance.check;
         if !instance.identity {
             self.ray = to_local(instance, self.world.origin, self.world.direction);
-            self.beam = Beam::new(&self.ray, &instance.blas.reach());
         }
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;
@@ -325,7 +319,6 @@ impl<'a> Slot<'a> {
     fn leave<const ANY: bool>(&mut self, accel: &'a Accel) {
         if !accel.instances[self.instance as usize].identity {
             self.ray = self.world;
-            self.beam = Beam::new(&self.world, &accel.reach);
         }
         self.arena = accel.tree.arena.granules();
         self.pop::<ANY>();

@@ -9,7 +9,7 @@ use super::{
     Coverage, Rays,
     bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
     queue,
-    space::{Beam, Bounds, blurred, covered},
+    space::{Bounds, blurred, covered},
     structure::{Counters, Nearest, Structure},
     triangle::{BlockHit, Ray, TriangleBlock, TriangleHit, has_area},
 };
@@ -55,12 +55,6 @@ impl Blas {
         self.tree.bytes()
     }
 
-    /// As far as its triangles reach.
-    #[inline(always)]
-    pub(super) fn reach(&self) -> Bounds {
-        Bounds { lower: self.bounds.min.to_array(), upper: self.bounds.max.to_array() }
-    }
-
     /// Lowest and highest corner; lowest above highest if there is no triangle.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         (self.bounds.min.to_array(), self.bounds.max.to_array())
@@ -92,23 +86,16 @@ impl Structure for Blas {
     ) {
         let arena = self.tree.arena.granules();
         let (mut t_max, mut tested) = (best.t, 0);
-        self.tree.walk::<true>(
-            self.tree.root,
-            &Beam::new(ray, &self.reach()),
-            &mut t_max,
-            &mut Stack::default(),
-            counters,
-            |block, t_max| {
-                let block = TriangleBlock::at(arena, block);
-                tested += LANES;
-                let met = block.intersect(ray, *t_max);
-                for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
-                    best.offer(block.row(lane), &met.hit(lane), &accept);
-                }
-                *t_max = best.t;
-                false
-            },
-        );
+        self.tree.walk::<true>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
+            let block = TriangleBlock::at(arena, block);
+            tested += LANES;
+            let met = block.intersect(ray, *t_max);
+            for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
+                best.offer(block.row(lane), &met.hit(lane), &accept);
+            }
+            *t_max = best.t;
+            false
+        });
         counters.triangles(tested);
     }
 
@@ -121,20 +108,13 @@ impl Structure for Blas {
     ) -> bool {
         let arena = self.tree.arena.granules();
         let (mut t_max, mut tested, mut found) = (t_max, 0, false);
-        self.tree.walk::<false>(
-            self.tree.root,
-            &Beam::new(ray, &self.reach()),
-            &mut t_max,
-            &mut Stack::default(),
-            counters,
-            |block, t_max| {
-                let block = TriangleBlock::at(arena, block);
-                tested += LANES;
-                let met = block.intersect(ray, *t_max);
-                found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
-                found
-            },
-        );
+        self.tree.walk::<false>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
+            let block = TriangleBlock::at(arena, block);
+            tested += LANES;
+            let met = block.intersect(ray, *t_max);
+            found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
+            found
+        });
         counters.triangles(tested);
         found
     }
@@ -199,8 +179,6 @@ pub struct Accel {
     /// What the top level leads to.
     pub(super) parts: Vec<Part>,
     bounds: Option<([f32; 3], [f32; 3])>,
-    /// The same, or a point if there is nothing.
-    pub(super) reach: Bounds,
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
 }
@@ -233,8 +211,7 @@ impl Accel {
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
-        let (lower, upper) = bounds.unwrap_or_default();
-        Self { tree, instances, parts, bounds, reach: Bounds { lower, upper }, deep }
+        Self { tree, instances, parts, bounds, deep }
     }
 
     /// Says again which instances need their hits confirmed.
@@ -273,19 +250,12 @@ impl Accel {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
-        self.tree.walk::<true>(
-            self.tree.root,
-            &Beam::new(&ray, &self.reach),
-            &mut t_max,
-            top,
-            &mut (),
-            |row, t_max| {
-                let part = self.parts[row as usize];
-                let instance = &self.instances[part.instance as usize];
-                nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
-                false
-            },
-        );
+        self.tree.walk::<true>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
+            let part = self.parts[row as usize];
+            let instance = &self.instances[part.instance as usize];
+            nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
+            false
+        });
         best
     }
 
@@ -352,19 +322,12 @@ impl Accel {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
         let mut found = false;
-        self.tree.walk::<false>(
-            self.tree.root,
-            &Beam::new(&ray, &self.reach),
-            &mut t_max,
-            top,
-            &mut (),
-            |row, t_max| {
-                let part = self.parts[row as usize];
-                let instance = &self.instances[part.instance as usize];
-                found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
-                found
-            },
-        );
+        self.tree.walk::<false>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
+            let part = self.parts[row as usize];
+            let instance = &self.instances[part.instance as usize];
+            found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
+            found
+        });
         found
     }
 }
@@ -402,30 +365,23 @@ fn nearest_in<C: Coverage>(
     let blas = &*instance.blas;
     let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
-        blas.tree.walk::<true>(
-            Some(part.root),
-            &Beam::new(local, &blas.reach()),
-            t_max,
-            stack,
-            &mut (),
-            |block, t_max| {
-                let block = TriangleBlock::at(arena, block);
-                let met = block.intersect(local, *t_max);
-                let mut lanes = met.hits;
-                while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize & (LANES - 1);
-                    lanes &= lanes - 1;
-                    let found = hit_of(&met, block, part.instance, lane);
-                    let nearer = found.t < best.t
-                        || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
-                    if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
-                        *best = found;
-                        *t_max = found.t;
-                    }
+        blas.tree.walk::<true>(Some(part.root), local, t_max, stack, &mut (), |block, t_max| {
+            let block = TriangleBlock::at(arena, block);
+            let met = block.intersect(local, *t_max);
+            let mut lanes = met.hits;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+                lanes &= lanes - 1;
+                let found = hit_of(&met, block, part.instance, lane);
+                let nearer = found.t < best.t
+                    || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
+                if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
+                    *best = found;
+                    *t_max = found.t;
                 }
-                false
-            },
-        )
+            }
+            false
+        })
     });
 }
 
@@ -456,25 +412,17 @@ fn occluded_in<C: Coverage>(
     let mut found = false;
     let mut t_end = t_max;
     in_local(instance, ray, |local| {
-        blas.tree.walk::<false>(
-            Some(part.root),
-            &Beam::new(local, &blas.reach()),
-            &mut t_end,
-            stack,
-            &mut (),
-            |block, t_end| {
-                let block = TriangleBlock::at(arena, block);
-                let met = block.intersect(local, *t_end);
-                found = met.hits != 0
-                    && (C::TRIVIAL
-                        || !instance.check
-                        || (0..LANES).any(|lane| {
-                            met.hits >> lane & 1 == 1
-                                && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
-                        }));
-                found
-            },
-        )
+        blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, &mut (), |block, t_end| {
+            let block = TriangleBlock::at(arena, block);
+            let met = block.intersect(local, *t_end);
+            found = met.hits != 0
+                && (C::TRIVIAL
+                    || !instance.check
+                    || (0..LANES).any(|lane| {
+                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
+                    }));
+            found
+        })
     });
     found
 }

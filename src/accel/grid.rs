@@ -160,12 +160,12 @@ impl Cells {
         let crossing = |axis: usize, at: usize| {
             let (first, last) = (at == 0, at == self.counts[axis]);
             if first || last {
-                let ahead = last == (ray.negative[axis] == 0);
+                let ahead = last == (ray.negative(axis) == 0);
                 return if ahead { f32::INFINITY } else { f32::NEG_INFINITY };
             }
             (self.plane(axis, at) - ray.origin[axis]) * ray.inverse[axis]
         };
-        let forward = ray.negative.map(|negative| 1 - negative);
+        let forward = [0, 1, 2].map(|axis| 1 - ray.negative(axis));
         let mut cell = [0; 3];
         let mut next = [0.0; 3];
         for axis in 0..3 {
@@ -198,7 +198,7 @@ impl Cells {
             if leaves >= t_end || leaves >= to || leaves == f32::INFINITY {
                 return;
             }
-            cell[axis] = cell[axis] + forward[axis] - ray.negative[axis];
+            cell[axis] = cell[axis] + forward[axis] - ray.negative(axis);
             next[axis] = crossing(axis, cell[axis] + forward[axis]);
         }
     }
@@ -405,7 +405,7 @@ mod tests {
             for pair in visited.windows(2) {
                 let steps: Vec<isize> = (0..3).map(|axis| pair[1][axis] as isize - pair[0][axis] as isize).collect();
                 assert_eq!(steps.iter().map(|step| step.abs()).sum::<isize>(), 1);
-                assert!((0..3).all(|axis| steps[axis] == 0 || (steps[axis] < 0) == (ray.negative[axis] == 1)));
+                assert!((0..3).all(|axis| steps[axis] == 0 || (steps[axis] < 0) == (ray.negative(axis) == 1)));
             }
             let (from, to) = beam.within(&grid.soup.bounds, f32::INFINITY);
             let middle = [0, 1, 2].map(|axis| ray.origin[axis] + 0.5 * (from + to) * ray.direction[axis]);

@@ -31,7 +31,7 @@ pub use self::{
     octree::Octree,
     queue::{RayList, Rays},
     structure::{Counters, Nearest, Structure, Work},
-    triangle::{Ray, TriangleBlock, TriangleHit, intersect},
+    triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
 };
 

@@ -173,7 +173,7 @@ impl Octree {
         }
         // Of the children that a ray goes through, one that is further along an axis comes later. Counted from the
         // corner where the ray comes from, that is the order of their numbers.
-        let corner = ray.negative[0] | ray.negative[1] << 1 | ray.negative[2] << 2;
+        let corner = ray.negative(0) | ray.negative(1) << 1 | ray.negative(2) << 2;
         let mut stack = [(0_u32, 0.0, 0.0); STACK];
         stack[0] = (0, from, to);
         let mut top = 1;

@@ -7,14 +7,16 @@
 //! The order of the walk changes with the neighbours in flight, but not the hits: of equally near ones that of the
 //! smaller (instance, triangle) counts.
 
+use std::cell::Cell;
+
 use wide::{f32x8, u16x8, u32x8};
 
 use super::{
     Coverage,
     arena::Granule,
-    bvh8::{INSTANCE, KIND, LEAF, Node},
+    bvh8::{BEYOND, FAR_SCALE, INSTANCE, KIND, LEAF, Node},
     structure::Counters,
-    triangle::{Ray, TriangleBlock},
+    triangle::{Leaf, QUAD, Ray, TriangleBlock, TriangleQuad},
     two_level::{Accel, Hit, NO_HIT, hit_of, to_local},
 };
 use crate::simd::{LANES, prefetch};
@@ -22,14 +24,18 @@ use crate::simd::{LANES, prefetch};
 /// Rays in flight: fewer leave memory idle, more gain nothing and crowd the first-level cache.
 const IN_FLIGHT: usize = 32;
 /// Subtrees that a slot can put off; rays through a deeper tree are followed one by one.
-pub(super) const STACK: usize = 120;
+pub(super) const STACK: usize = 240;
 /// The slot's ray goes back to the top level.
 const LEAVE: u32 = u32::MAX - 1;
 /// Nothing is left to visit.
 const DONE: u32 = u32::MAX;
 /// How much farther than it is the nearest hit counts when subtrees are passed by: their distance carries a lane in its
 /// last three bits.
-const CULL: f32 = 1.0 + 8.0 * f32::EPSILON;
+const CULL: f32 = BEYOND * (1.0 + 9.0 * f32::EPSILON);
+/// The bits of a distance that are its own.
+const OWN: u32 = !(LANES as u32 - 1);
+/// The lanes, to be carried.
+const LANE: [u32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
 
 /// Rays to be traced.
 pub trait Rays {
@@ -79,64 +85,78 @@ static COMPRESS: [[u16; LANES]; 256] = {
     table
 };
 
+/// Numbers of one of a ray's stacks: as many as a byte can count, and eight above and below that are never read.
+const ENTRIES: usize = 256 + 2 * LANES;
+
 /// One ray under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 #[repr(C, align(64))]
 struct Slot<'a> {
     ray: Ray,
     t_max: f32,
-    /// Entries of the stack.
-    top: usize,
+    /// Boxes that begin beyond are not met.
+    reach: f32,
+    /// Subtrees put off that begin beyond are passed by.
+    limit: f32,
     /// What is visited next.
     current: u32,
     /// What `current` and the stack refer to.
     arena: &'a [Granule],
-    instance: u32,
+    /// Subtrees put off: a byte, so that the compiler knows it to be inside the stack.
+    top: u8,
     check: bool,
-    best: Hit,
+    instance: u32,
+    /// The nearest hit, after one that is not looked at.
+    best: [Hit; 2],
     /// Name of the ray.
     id: u32,
     /// Index of the ray in its wave.
     index: u32,
-    /// The ray as it came.
+    /// The ray as it came, if it has to come back from anywhere.
     world: Ray,
-    /// Subtrees put off, by distance. Eight entries that are always met lie below the first.
-    near: [f32; STACK + 2 * LANES],
-    child: [u32; STACK + 2 * LANES],
+    stack: &'a mut Stack,
 }
 
-/// Slots in need of one kind of step.
-struct Queue {
-    slots: [u8; IN_FLIGHT],
-    len: usize,
+/// Subtrees put off, by distance. Eight entries that are always met lie below the first.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct Stack {
+    near: [f32; ENTRIES],
+    child: [u32; ENTRIES],
 }
 
-impl Queue {
-    const EMPTY: Self = Self { slots: [0; IN_FLIGHT], len: 0 };
+impl Stack {
+    const EMPTY: Self = {
+        let (mut near, mut child) = ([0.0; ENTRIES], [0; ENTRIES]);
+        let mut entry = 0;
+        while entry < LANES {
+            (near[entry], child[entry]) = (f32::NEG_INFINITY, DONE);
+            entry += 1;
+        }
+        Self { near, child }
+    };
 }
 
-/// Queues by kind of the next step: nodes, leaves, instances, rays that leave a mesh or are done, by the upper two bits
-/// of a reference; and rays that met none of a node's boxes.
+thread_local! {
+    /// Stacks of the rays in flight. Some 70 KiB, which would take as long to make as a small wave to trace.
+    static STACKS: Cell<Vec<Stack>> = const { Cell::new(Vec::new()) };
+}
+
+/// Slots in need of each kind of step, a bit for each slot: nodes, leaves, instances, rays that leave a mesh or are done, by
+/// the upper three bits of a reference; and rays whose next subtree lies beyond what they have hit.
+///
+/// Bits, because the next slot is then known without a look at memory that a step before it may have written.
 struct Queues {
-    of: [Queue; 5],
+    of: [u32; 8],
 }
 
-/// The last of [`Queues`].
-const POP: usize = 4;
-
-impl Queues {
-    #[inline(always)]
-    fn push(&mut self, slot: usize, kind: usize) {
-        let queue = &mut self.of[kind];
-        queue.slots[queue.len % IN_FLIGHT] = slot as u8;
-        queue.len += 1;
-    }
-}
+/// Of [`Queues`], the one that no reference leads to.
+const POP: usize = 1;
 
 /// Asks for what a reference leads to: a node, or most of a block.
 #[inline(always)]
 fn fetch(arena: &[Granule], reference: u32) {
-    prefetch::<4, Granule>(arena, (reference & !KIND) as usize);
+    prefetch::<6, Granule>(arena, (reference & !(KIND | QUAD)) as usize);
 }
 
 /// Exchanges lanes `a` and `b` of each pair so that the larger comes first.
@@ -184,87 +204,105 @@ fn sort8(keys: f32x8) -> f32x8 {
 }
 
 impl<'a> Slot<'a> {
-    fn new() -> Self {
+    fn new(stack: &'a mut Stack) -> Self {
         let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
-        let mut slot = Self {
+        Self {
             ray,
             t_max: 0.0,
-            top: LANES,
+            reach: 0.0,
+            limit: 0.0,
             current: DONE,
             arena: &[],
-            instance: 0,
+            top: 0,
             check: false,
-            best: NO_HIT,
+            instance: 0,
+            best: [NO_HIT; 2],
             id: 0,
             index: 0,
             world: ray,
-            near: [0.0; STACK + 2 * LANES],
-            child: [0; STACK + 2 * LANES],
-        };
-        slot.near[..LANES].fill(f32::NEG_INFINITY);
-        slot.child[..LANES].fill(DONE);
-        slot
+            stack,
+        }
+    }
+
+    /// Nothing beyond counts from now on.
+    #[inline(always)]
+    fn shorten(&mut self, t_max: f32) {
+        self.t_max = t_max;
+        self.reach = t_max * (BEYOND / FAR_SCALE);
+        self.limit = f32::mul_add(t_max, CULL, f32::MIN_POSITIVE);
+    }
+
+    /// Takes what was put off last.
+    #[inline(always)]
+    fn take<const ANY: bool>(&mut self) -> usize {
+        // Below the first are entries that mean the end.
+        let last = usize::from(self.top) + LANES - 1;
+        self.top = self.top.wrapping_sub(1);
+        self.current = self.stack.child[last];
+        fetch(self.arena, self.current);
+        // A choice of two numbers, not a branch. All subtrees have to be seen to know that there is no hit.
+        if ANY || self.stack.near[last] <= self.limit { (self.current >> 29) as usize } else { POP }
     }
 
     /// Tests a node's boxes; the nearest child is next, the others are put off.
     #[inline(always)]
     fn descend<const ANY: bool>(&mut self) -> usize {
         let node = Node::at(self.arena, self.current);
-        let (near, far) = node.distances(&self.ray, self.t_max);
+        let (near, far) = node.distances(&self.ray, self.reach);
         let met = near.simd_le(far);
         let mask = met.to_bitmask() as usize & 255;
-        let count = mask.count_ones() as usize;
+        let count = mask.count_ones();
         let lanes = u32x8::from(u16x8::new(COMPRESS[mask]));
-        let top = self.top.min(STACK);
-        if ANY {
-            // All subtrees have to be seen, so that their order and distance do not matter.
-            let children = u32x8::new(node.children()).shuffle_wrapping(lanes).to_array();
-            self.child[top..top + LANES].copy_from_slice(&children);
+        let top = usize::from(self.top) + LANES;
+        let children = if ANY {
+            // Order and distance do not matter.
+            lanes
         } else {
-            // Each distance carries its lane in its last bits; what is not met comes last.
-            let keys: u32x8 = bytemuck::cast(met.bitselect(near, f32x8::splat(f32::MIN)));
-            let keys = bytemuck::cast(keys.shuffle_wrapping(lanes) & u32x8::splat(!7) | lanes);
+            // Each distance carries its lane in its last bits; what is not met becomes zero. That may tie
+            // with the first child, and is then as good as it.
+            let keys = (bytemuck::cast::<_, u32x8>(near) & u32x8::splat(OWN) | u32x8::new(LANE))
+                & bytemuck::cast::<_, u32x8>(met);
+            let keys = bytemuck::cast(keys.shuffle_wrapping(lanes));
             let keys = if count <= 4 { sort4(keys) } else { sort8(keys) };
-            let children = u32x8::new(node.children()).shuffle_wrapping(bytemuck::cast(keys)).to_array();
-            self.near[top..top + LANES].copy_from_slice(&keys.to_array());
-            self.child[top..top + LANES].copy_from_slice(&children);
-        }
-        self.top = top + count;
-        self.top -= usize::from(count != 0);
-        self.current = self.child[self.top.min(STACK + LANES)];
-        fetch(self.arena, self.current);
-        // A choice of two numbers, not a branch.
-        if count == 0 { POP } else { (self.current >> 30) as usize }
+            self.stack.near[top..top + LANES].copy_from_slice(&keys.to_array());
+            bytemuck::cast(keys)
+        };
+        let children = u32x8::new(node.children()).shuffle_wrapping(children).to_array();
+        self.stack.child[top..top + LANES].copy_from_slice(&children);
+        self.top = self.top.wrapping_add(count as u8);
+        self.take::<ANY>()
     }
 
     /// Makes the last subtree put off that is not beyond the nearest hit the next to visit.
     #[inline(always)]
-    fn pop<const ANY: bool>(&mut self) {
+    fn pop<const ANY: bool>(&mut self) -> usize {
         if ANY {
-            self.top -= 1;
-        } else {
-            let limit = f32x8::splat(self.t_max * CULL);
-            loop {
-                let top = self.top.clamp(LANES, STACK + 2 * LANES);
-                let near = f32x8::new(*self.near[top - LANES..top].first_chunk().expect("eight entries"));
-                let met = near.simd_le(limit).to_bitmask();
-                if met != 0 {
-                    self.top = top - LANES + (31 - met.leading_zeros()) as usize;
-                    break;
-                }
-                self.top = top - LANES;
-            }
+            return self.take::<ANY>();
         }
-        self.current = self.child[self.top.min(STACK + LANES)];
+        let limit = f32x8::splat(self.limit);
+        loop {
+            let top = usize::from(self.top);
+            let near = f32x8::new(*self.stack.near[top..].first_chunk().expect("eight entries"));
+            let met = near.simd_le(limit).to_bitmask() & 255;
+            if met != 0 {
+                let lane = (31 - met.leading_zeros()) & 7;
+                self.top = self.top.wrapping_add(lane as u8).wrapping_sub(LANES as u8);
+                self.current = self.stack.child[top + lane as usize];
+                break;
+            }
+            self.top = self.top.wrapping_sub(LANES as u8);
+        }
         fetch(self.arena, self.current);
+        (self.current >> 29) as usize
     }
 
     /// Puts off something that is visited whatever is hit before.
     #[inline(always)]
     fn put_off(&mut self, reference: u32) {
-        self.near[self.top] = f32::NEG_INFINITY;
-        self.child[self.top] = reference;
-        self.top += 1;
+        let top = usize::from(self.top) + LANES;
+        self.stack.near[top] = f32::NEG_INFINITY;
+        self.stack.child[top] = reference;
+        self.top = self.top.wrapping_add(1);
     }
 
     #[inline(always)]
@@ -272,16 +310,17 @@ impl<'a> Slot<'a> {
         let (origin, direction, t_max) = rays.ray(index);
         self.index = index as u32;
         self.id = rays.id(index);
-        self.world = Ray::new(origin, direction);
-        self.ray = self.world;
-        self.t_max = t_max;
-        self.best = NO_HIT;
-        self.top = LANES;
+        self.ray = Ray::new(origin, direction);
+        self.shorten(t_max);
+        self.best[1] = NO_HIT;
+        self.top = 0;
         self.arena = accel.tree.arena.granules();
         self.current = accel.tree.root.unwrap_or(DONE);
         if accel.parts.len() == 1 && self.current != DONE {
             // There is nothing to come back to.
             self.go_into(accel);
+        } else {
+            self.world = self.ray;
         }
     }
 
@@ -299,54 +338,81 @@ impl<'a> Slot<'a> {
         self.instance = part.instance;
         self.check = instance.check;
         if !instance.identity {
-            self.ray = to_local(instance, self.world.origin, self.world.direction);
+            self.ray = to_local(instance, self.ray.origin, self.ray.direction);
         }
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;
         fetch(self.arena, self.current);
     }
 
-    /// Goes back to the top level if that is next; returns the kind of the next step.
+    /// [`Slot::leave`] if that is next: so soon after a leaf it often is.
     #[inline(always)]
-    fn leave_if_told<const ANY: bool>(&mut self, accel: &'a Accel) -> usize {
-        if self.current == LEAVE {
-            self.leave::<ANY>(accel);
-        }
-        (self.current >> 30) as usize
+    fn leave_if_told<const ANY: bool>(&mut self, kind: usize, accel: &'a Accel) -> usize {
+        if self.current == LEAVE { self.leave::<ANY>(accel) } else { kind }
     }
 
+    /// Goes back to the top level.
     #[inline(always)]
-    fn leave<const ANY: bool>(&mut self, accel: &'a Accel) {
+    fn leave<const ANY: bool>(&mut self, accel: &'a Accel) -> usize {
         if !accel.instances[self.instance as usize].identity {
             self.ray = self.world;
         }
         self.arena = accel.tree.arena.granules();
-        self.pop::<ANY>();
+        self.pop::<ANY>()
     }
 
     /// Tests a leaf's triangles.
     #[inline(always)]
-    fn test<const ANY: bool, C: Coverage>(&mut self, coverage: &C) {
-        let block = TriangleBlock::at(self.arena, self.current & !KIND);
+    fn test<const ANY: bool, C: Coverage, L: Leaf>(&mut self, coverage: &C) -> usize {
+        let block = L::at(self.arena, self.current & !(KIND | QUAD));
+        if !C::TRIVIAL {
+            return self.test_covered::<ANY, C, L>(block, coverage);
+        }
+        if ANY {
+            let hit = block.any(&self.ray, self.t_max);
+            let next = self.take::<ANY>();
+            // All bits or none, to be done whatever comes next.
+            let hit = 0_u32.wrapping_sub(u32::from(hit));
+            self.best[1].instance = self.instance | !hit;
+            self.current |= hit;
+            return next | (hit >> 29) as usize;
+        }
+        let (lane, hit) = block.nearest(&self.ray, self.t_max);
+        let (triangle, best) = (block.row(lane), &self.best[1]);
+        // Distances are positive, so that they are in the order of their bits; equal ones are told apart by what is hit.
+        let same = self.instance == best.instance;
+        let (tie, best_tie) = if same { (triangle, best.triangle) } else { (self.instance, best.instance) };
+        let rank = |t: f32, tie: u32| u64::from(t.to_bits()) << 32 | u64::from(tie);
+        let nearer = rank(hit.t, tie).wrapping_sub(rank(best.t, best_tie)) >> 63;
+        // What is not nearer is kept where nobody looks.
+        self.best[nearer as usize & 1] =
+            Hit { t: hit.t, instance: self.instance, triangle, b1: hit.b1, b2: hit.b2, back: hit.back };
+        self.shorten(if hit.t < self.t_max { hit.t } else { self.t_max });
+        self.pop::<ANY>()
+    }
+
+    /// The same where some hits do not count.
+    #[inline(always)]
+    fn test_covered<const ANY: bool, C: Coverage, L: Leaf>(&mut self, block: &L, coverage: &C) -> usize {
         let met = block.intersect(&self.ray, self.t_max);
         let mut lanes = met.hits;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & (LANES - 1);
             lanes &= lanes - 1;
-            let found = hit_of(&met, block, self.instance, lane);
-            let best = &self.best;
+            let found = hit_of(&met, block.row(lane), self.instance, lane);
+            let best = &self.best[1];
             let nearer = found.t < best.t
                 || found.t == best.t && (self.instance, found.triangle) < (best.instance, best.triangle);
-            if nearer && (C::TRIVIAL || !self.check || coverage.covers(self.id, &found)) {
-                self.best = found;
-                self.t_max = found.t;
+            if nearer && (!self.check || coverage.covers(self.id, &found)) {
+                self.best[1] = found;
+                self.shorten(found.t);
                 if ANY {
                     self.current = DONE;
-                    return;
+                    return (DONE >> 29) as usize;
                 }
             }
         }
-        self.pop::<ANY>();
+        self.pop::<ANY>()
     }
 }
 
@@ -360,27 +426,30 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
     counters: &mut impl Counters,
     mut done: impl FnMut(usize, &Hit),
 ) {
-    let mut slots: [Slot; IN_FLIGHT] = [const { None::<()> }; IN_FLIGHT].map(|_| Slot::new());
-    let mut queues = Queues { of: [Queue::EMPTY; 5] };
+    let mut stacks = STACKS.take();
+    stacks.resize(IN_FLIGHT, Stack::EMPTY);
+    let mut stack = stacks.iter_mut();
+    let mut slots: [Slot; IN_FLIGHT] = std::array::from_fn(|_| Slot::new(stack.next().expect("a stack for each slot")));
+    let mut queues = Queues { of: [0; 8] };
     let count = rays.count();
     let mut next = 0;
     for (row, slot) in slots.iter_mut().enumerate() {
         if next < count {
             slot.begin(accel, next, rays);
-            queues.push(row, (slot.current >> 30) as usize);
+            queues.of[(slot.current >> 29) as usize] |= 1 << row;
             next += 1;
         }
     }
     let mut under_way = next;
-    // A step puts its slot into a queue, the one being drained too, at a place that has been read.
     macro_rules! drain {
         ($kind:expr, |$slot:ident| $step:expr) => {
-            let waiting = std::mem::replace(&mut queues.of[$kind].len, 0);
-            for place in 0..waiting {
-                let row = queues.of[$kind].slots[place % IN_FLIGHT] as usize % IN_FLIGHT;
+            let mut waiting = std::mem::take(&mut queues.of[$kind]);
+            while waiting != 0 {
+                let row = waiting.trailing_zeros() as usize % IN_FLIGHT;
+                waiting &= waiting - 1;
                 let $slot = &mut slots[row];
                 let kind: usize = $step;
-                queues.push(row, kind);
+                queues.of[kind] |= 1 << row;
             }
         };
     }
@@ -389,32 +458,35 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
             counters.node();
             slot.descend::<ANY>()
         });
-        drain!(POP, |slot| {
-            slot.pop::<ANY>();
-            slot.leave_if_told::<ANY>(accel)
-        });
-        drain!((LEAF >> 30) as usize, |slot| {
+        drain!(POP, |slot| slot.pop::<ANY>());
+        drain!((LEAF >> 29) as usize, |slot| {
             counters.triangles(LANES);
-            slot.test::<ANY, C>(coverage);
-            slot.leave_if_told::<ANY>(accel)
+            let kind = slot.test::<ANY, C, TriangleBlock>(coverage);
+            slot.leave_if_told::<ANY>(kind, accel)
         });
-        drain!((INSTANCE >> 30) as usize, |slot| {
+        drain!(((LEAF | QUAD) >> 29) as usize, |slot| {
+            counters.triangles(LANES);
+            let kind = slot.test::<ANY, C, TriangleQuad>(coverage);
+            slot.leave_if_told::<ANY>(kind, accel)
+        });
+        drain!((INSTANCE >> 29) as usize, |slot| {
             slot.enter(accel);
-            (slot.current >> 30) as usize
+            (slot.current >> 29) as usize
         });
-        drain!(3, |slot| {
+        drain!(7, |slot| {
             if slot.current == LEAVE {
-                slot.leave_if_told::<ANY>(accel)
+                slot.leave::<ANY>(accel)
             } else {
-                done(slot.index as usize, &slot.best);
+                done(slot.index as usize, &slot.best[1]);
                 if next == count {
                     under_way -= 1;
                     continue;
                 }
                 slot.begin(accel, next, rays);
                 next += 1;
-                (slot.current >> 30) as usize
+                (slot.current >> 29) as usize
             }
         });
     }
+    STACKS.set(stacks);
 }

@@ -219,9 +219,14 @@ impl Beam {
         let ahead = ray.origin.map(|x| x + (margin + f32::EPSILON * x.abs()));
         let behind = ray.origin.map(|x| x - (margin + f32::EPSILON * x.abs()));
         let of = |positive: [f32; 3], negative: [f32; 3]| -> [f32; 3] {
-            std::array::from_fn(|axis| if ray.negative[axis] == 0 { positive[axis] } else { negative[axis] })
+            std::array::from_fn(|axis| if ray.negative(axis) == 0 { positive[axis] } else { negative[axis] })
         };
-        Self { early: of(ahead, behind), late: of(behind, ahead), inverse: ray.inverse, negative: ray.negative }
+        Self {
+            early: of(ahead, behind),
+            late: of(behind, ahead),
+            inverse: ray.inverse,
+            negative: [0, 1, 2].map(|axis| ray.negative(axis)),
+        }
     }
 
     /// Distance at which the beam first meets a plane across an axis.

@@ -1,6 +1,6 @@
 //! Ray against triangle, without gaps between neighbours.
 
-use wide::f32x8;
+use wide::{f32x8, u32x8};
 
 use super::arena::Granule;
 use crate::simd::LANES;
@@ -17,10 +17,44 @@ pub struct Ray {
     pub direction: [f32; 3],
     /// One over each component of the direction; infinite where that is zero.
     pub inverse: [f32; 3],
-    /// 1 for each component that runs towards smaller coordinates, else 0.
-    pub negative: [usize; 3],
-    axes: [usize; 3],
+    /// `inverse`, negated.
+    pub(super) against: [f32; 3],
+    /// For the axis that the ray mostly runs along and the two others.
     shear: [f32; 3],
+    /// The start, by the same axes.
+    from: [f32; 3],
+    axes: [Axis; 3],
+    /// For each axis, which of a box's planes the ray comes to first.
+    pub(super) first: [Side; 3],
+    /// And which last.
+    pub(super) last: [Side; 3],
+}
+
+/// An axis, as the place of its coordinates in a [`TriangleQuad`]. An enumeration, because then the compiler knows that
+/// there are no others, and does not look whether they are inside the block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Axis {
+    X = 0,
+    Y = 4,
+    Z = 8,
+}
+
+impl Axis {
+    const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    #[inline(always)]
+    fn number(self) -> usize {
+        self as usize / TriangleQuad::MOST
+    }
+}
+
+/// The lower or the upper planes of a node's boxes, as their place among those of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Side {
+    Lower = 0,
+    Upper = LANES as u8,
 }
 
 impl Ray {
@@ -41,8 +75,27 @@ impl Ray {
         }
         let inverse = direction.map(|d| 1.0 / d);
         let shear = [direction[kx] * inverse[kz], direction[ky] * inverse[kz], inverse[kz]];
-        let negative = inverse.map(|inverse| usize::from(inverse < 0.0));
-        Self { origin, direction, inverse, negative, axes: [kx, ky, kz], shear }
+        let side = |backwards: bool| if backwards { Side::Upper } else { Side::Lower };
+        let axes = [kx, ky, kz].map(|axis| Axis::ALL[axis]);
+        let (first, last) = (inverse.map(|inverse| side(inverse < 0.0)), inverse.map(|inverse| side(inverse >= 0.0)));
+        let against = inverse.map(|inverse| -inverse);
+        Self {
+            origin,
+            direction,
+            inverse,
+            against,
+            shear,
+            from: [kx, ky, kz].map(|axis| origin[axis]),
+            axes,
+            first,
+            last,
+        }
+    }
+
+    /// 1 if it runs towards smaller coordinates of an axis, else 0.
+    #[inline(always)]
+    pub fn negative(&self, axis: usize) -> usize {
+        usize::from(self.inverse[axis] < 0.0)
     }
 }
 
@@ -79,7 +132,7 @@ pub(super) fn has_area([a, b, c]: &[[f32; 3]; 3]) -> bool {
 /// Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection".
 #[inline(always)]
 pub fn intersect(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
-    let [kx, ky, kz] = ray.axes;
+    let [kx, ky, kz] = ray.axes.map(Axis::number);
     let [sx, sy, sz] = ray.shear;
     let sheared = |corner: &[f32; 3]| {
         let (x, y, z) = (corner[kx] - ray.origin[kx], corner[ky] - ray.origin[ky], corner[kz] - ray.origin[kz]);
@@ -138,77 +191,227 @@ impl BlockHit {
     }
 }
 
-impl TriangleBlock {
-    /// Of at most eight triangles with their rows.
-    pub fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self {
-        let (mut block, mut rows) = ([[0.0; LANES]; BLOCK - 1], [u32::MAX; LANES]);
-        for (lane, (row, corners)) in triangles.into_iter().enumerate() {
-            rows[lane] = row;
-            for (i, coordinate) in corners.into_iter().flatten().enumerate() {
-                block[i][lane] = coordinate;
-            }
-        }
-        Self(std::array::from_fn(|i| if i < BLOCK - 1 { Granule::of(block[i]) } else { Granule(rows) }))
-    }
+/// Four triangles, as in a [`TriangleBlock`].
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub struct TriangleQuad([Granule; BLOCK / 2]);
 
-    /// The block that a reference means.
-    #[inline(always)]
-    pub fn at(arena: &[Granule], reference: u32) -> &Self {
-        let granules: &[Granule; BLOCK] = arena[reference as usize..].first_chunk().expect("a reference of this arena");
-        bytemuck::cast_ref(granules)
-    }
+/// What a leaf of the eight-wide tree holds.
+pub trait Leaf: Sized {
+    /// Triangles at most.
+    const MOST: usize;
 
-    /// Adds the block to an arena and returns its place.
-    pub fn store(&self, arena: &mut Vec<Granule>) -> u32 {
-        arena.extend(self.0);
-        (arena.len() - BLOCK) as u32
-    }
+    /// Of at most so many triangles with their rows.
+    fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self;
+
+    /// The one that stands at a place.
+    fn at(arena: &[Granule], place: u32) -> &Self;
+
+    /// Adds it to an arena and returns its place.
+    fn store(&self, arena: &mut Vec<Granule>) -> u32;
 
     /// Row of a lane's triangle.
+    fn row(&self, lane: usize) -> u32;
+
+    /// [`intersect`] for all, with the same roundings: its SIMD twin.
+    fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit;
+
+    /// The nearest of those hits and its lane, of equally near ones that of the lowest; if there is none, at a distance that is not a number, of bits above those of all numbers.
+    fn nearest(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit);
+
+    /// True if there is any hit.
+    fn any(&self, ray: &Ray, t_max: f32) -> bool;
+}
+
+/// More than infinity, in the order of bits: where there is no hit.
+const NOWHERE: f32 = f32::from_bits(u32::MAX >> 1);
+
+/// What the test says of eight triangles: distances and barycentrics, and which are hit.
+struct Met {
+    t: f32x8,
+    b1: f32x8,
+    b2: f32x8,
+    back: f32x8,
+    hits: f32x8,
+}
+
+/// The test of eight triangles, given their corners' coordinates.
+#[inline(always)]
+fn intersect_all(ray: &Ray, t_max: f32, at: impl Fn(usize, Axis) -> f32x8) -> Met {
+    let [kx, ky, kz] = ray.axes;
+    let [sx, sy, sz] = ray.shear.map(f32x8::splat);
+    let [ox, oy, oz] = ray.from.map(f32x8::splat);
+    let sheared = |corner: usize| {
+        let (x, y, z) = (at(corner, kx) - ox, at(corner, ky) - oy, at(corner, kz) - oz);
+        (x - sx * z, y - sy * z, z)
+    };
+    let (ax, ay, az) = sheared(0);
+    let (bx, by, bz) = sheared(1);
+    let (cx, cy, cz) = sheared(2);
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    let zero = f32x8::ZERO;
+    let least = u.fast_min(v).fast_min(w);
+    let most = u.fast_max(v).fast_max(w);
+    let inside = least.simd_ge(zero) | most.simd_le(zero);
+    let det = u + v + w;
+    let inside = inside & det.simd_ne(zero);
+    let inv_det = f32x8::ONE / det;
+    let t = (u * az + v * bz + w * cz) * sz * inv_det;
+    let hits = inside & t.simd_gt(zero) & t.simd_le(f32x8::splat(t_max));
+    Met { t, b1: v * inv_det, b2: w * inv_det, back: det.simd_lt(zero), hits }
+}
+
+impl Met {
     #[inline(always)]
-    pub fn row(&self, lane: usize) -> u32 {
-        self.0[BLOCK - 1].0[lane]
+    fn all(self) -> BlockHit {
+        BlockHit {
+            t: self.t.to_array(),
+            b1: self.b1.to_array(),
+            b2: self.b2.to_array(),
+            back: self.back.to_bitmask() & 255,
+            hits: self.hits.to_bitmask() & 255,
+        }
     }
 
-    /// [`intersect`] for all eight, with the same roundings: its SIMD twin.
+    /// The nearest, of equally near ones that of the lowest lane. Nothing is branched upon: whether a leaf's triangles
+    /// are hit is anyone's guess, and each wrong one costs as much as a leaf.
+    #[inline(always)]
+    fn nearest(self) -> (usize, TriangleHit) {
+        let t = self.hits.bitselect(self.t, f32x8::splat(NOWHERE));
+        // Positive numbers are in the order of their bits.
+        let t: u32x8 = bytemuck::cast(t);
+        let least = t.min(t.shuffle_wrapping(u32x8::new([1, 0, 3, 2, 5, 4, 7, 6])));
+        let least = least.min(least.shuffle_wrapping(u32x8::new([2, 3, 0, 1, 6, 7, 4, 5])));
+        let least = least.min(least.shuffle_wrapping(u32x8::new([4, 5, 6, 7, 0, 1, 2, 3])));
+        let lane = t.simd_eq(least).to_bitmask().trailing_zeros() as usize % LANES;
+        let hit = TriangleHit {
+            t: f32::from_bits(least.to_array()[0]),
+            b1: self.b1.to_array()[lane],
+            b2: self.b2.to_array()[lane],
+            back: self.back.to_bitmask() >> lane & 1 == 1,
+        };
+        (lane, hit)
+    }
+}
+
+macro_rules! leaf {
+    ($name:ident, $lanes:expr) => {
+        impl Leaf for $name {
+            const MOST: usize = $lanes;
+
+            fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self {
+                let mut this: Self = bytemuck::Zeroable::zeroed();
+                let words: &mut [u32] = bytemuck::cast_slice_mut(&mut this.0);
+                words[9 * $lanes..].fill(u32::MAX);
+                for (lane, (row, corners)) in triangles.into_iter().enumerate() {
+                    words[9 * $lanes + lane] = row;
+                    for (i, coordinate) in corners.into_iter().flatten().enumerate() {
+                        words[i * $lanes + lane] = coordinate.to_bits();
+                    }
+                }
+                this
+            }
+
+            #[inline(always)]
+            fn at(arena: &[Granule], place: u32) -> &Self {
+                let granules: &[Granule; size_of::<Self>() / size_of::<Granule>()] =
+                    arena[place as usize..].first_chunk().expect("a place in this arena");
+                bytemuck::cast_ref(granules)
+            }
+
+            fn store(&self, arena: &mut Vec<Granule>) -> u32 {
+                let place = arena.len() as u32;
+                arena.extend(self.0);
+                place
+            }
+
+            #[inline(always)]
+            fn row(&self, lane: usize) -> u32 {
+                bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes + lane % $lanes]
+            }
+
+            #[inline(always)]
+            fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit {
+                self.met(ray, t_max).all()
+            }
+
+            #[inline(always)]
+            fn nearest(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit) {
+                self.met(ray, t_max).nearest()
+            }
+
+            #[inline(always)]
+            fn any(&self, ray: &Ray, t_max: f32) -> bool {
+                self.met(ray, t_max).hits.to_bitmask() & 255 != 0
+            }
+        }
+
+        impl $name {
+            #[inline(always)]
+            fn met(&self, ray: &Ray, t_max: f32) -> Met {
+                let (corners, _) = bytemuck::cast_slice::<_, f32>(&self.0).as_chunks::<{ 3 * $lanes }>();
+                intersect_all(ray, t_max, |corner, axis| {
+                    let own: [f32; $lanes] = *corners[corner][axis as usize * ($lanes / TriangleQuad::MOST)..]
+                        .first_chunk()
+                        .expect("an axis");
+                    let mut all = [0.0; LANES];
+                    all[..$lanes].copy_from_slice(&own);
+                    f32x8::new(all)
+                })
+            }
+        }
+    };
+}
+
+leaf!(TriangleBlock, 8);
+leaf!(TriangleQuad, 4);
+
+/// Marks the reference of a leaf that is a [`TriangleQuad`].
+pub(super) const QUAD: u32 = 1 << 29;
+
+/// A leaf of either kind.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Block<'a> {
+    Eight(&'a TriangleBlock),
+    Four(&'a TriangleQuad),
+}
+
+impl<'a> Block<'a> {
+    /// The leaf that a reference means.
+    #[inline(always)]
+    pub fn at(arena: &'a [Granule], reference: u32) -> Self {
+        if reference & QUAD == 0 {
+            Self::Eight(TriangleBlock::at(arena, reference))
+        } else {
+            Self::Four(TriangleQuad::at(arena, reference & !QUAD))
+        }
+    }
+
+    #[inline(always)]
+    pub fn row(&self, lane: usize) -> u32 {
+        match self {
+            Self::Eight(block) => block.row(lane),
+            Self::Four(block) => block.row(lane),
+        }
+    }
+
     #[inline(always)]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit {
-        let [kx, ky, kz] = ray.axes;
-        let [sx, sy, sz] = ray.shear.map(f32x8::splat);
-        let [ox, oy, oz] = ray.axes.map(|axis| f32x8::splat(ray.origin[axis]));
-        let sheared = |corner: usize| {
-            let at = |axis: usize| f32x8::new(self.0[3 * corner + axis].values());
-            let (x, y, z) = (at(kx) - ox, at(ky) - oy, at(kz) - oz);
-            (x - sx * z, y - sy * z, z)
-        };
-        let (ax, ay, az) = sheared(0);
-        let (bx, by, bz) = sheared(1);
-        let (cx, cy, cz) = sheared(2);
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let zero = f32x8::ZERO;
-        let least = u.fast_min(v).fast_min(w);
-        let most = u.fast_max(v).fast_max(w);
-        let inside = least.simd_ge(zero) | most.simd_le(zero);
-        let det = u + v + w;
-        let inside = inside & det.simd_ne(zero);
-        let none = BlockHit { t: [0.0; LANES], b1: [0.0; LANES], b2: [0.0; LANES], back: 0, hits: 0 };
-        if inside.to_bitmask() == 0 {
-            return none;
+        match self {
+            Self::Eight(block) => block.intersect(ray, t_max),
+            Self::Four(block) => block.intersect(ray, t_max),
         }
-        let inv_det = f32x8::ONE / det;
-        let t = (u * az + v * bz + w * cz) * sz * inv_det;
-        let hits = (inside & t.simd_gt(zero) & t.simd_le(f32x8::splat(t_max))).to_bitmask();
-        if hits == 0 {
-            return none;
-        }
-        BlockHit {
-            t: t.to_array(),
-            b1: (v * inv_det).to_array(),
-            b2: (w * inv_det).to_array(),
-            back: det.simd_lt(zero).to_bitmask(),
-            hits,
+    }
+
+    /// Adds a leaf of at most eight triangles to an arena and returns its reference.
+    pub fn store(triangles: &[(u32, [[f32; 3]; 3])], arena: &mut Vec<Granule>) -> u32 {
+        let all = triangles.iter().copied();
+        if triangles.len() > TriangleQuad::MOST {
+            TriangleBlock::new(all).store(arena)
+        } else {
+            TriangleQuad::new(all).store(arena) | QUAD
         }
     }
 }

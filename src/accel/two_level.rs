@@ -11,7 +11,7 @@ use super::{
     queue,
     space::{Bounds, blurred, covered},
     structure::{Counters, Nearest, Structure},
-    triangle::{BlockHit, Ray, TriangleBlock, TriangleHit, has_area},
+    triangle::{Block, BlockHit, Ray, TriangleHit, has_area},
 };
 use crate::{flat::NONE, simd::LANES};
 
@@ -44,7 +44,8 @@ impl Blas {
         let tree = Bvh8::build(&boxes, Quality::Good, LANES, |rows, arena| {
             // In order of rows, so that the block does not depend on how the tree came to it.
             rows.sort_unstable();
-            LEAF | TriangleBlock::new(rows.iter().map(|&row| (row, triangles[row as usize]))).store(arena)
+            let own: Vec<_> = rows.iter().map(|&row| (row, triangles[row as usize])).collect();
+            LEAF | Block::store(&own, arena)
         });
         let references = boxes.iter().filter(|one| one.valid()).count();
         Self { tree, bounds, references }
@@ -87,7 +88,7 @@ impl Structure for Blas {
         let arena = self.tree.arena.granules();
         let (mut t_max, mut tested) = (best.t, 0);
         self.tree.walk::<true>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
+            let block = Block::at(arena, block);
             tested += LANES;
             let met = block.intersect(ray, *t_max);
             for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
@@ -109,7 +110,7 @@ impl Structure for Blas {
         let arena = self.tree.arena.granules();
         let (mut t_max, mut tested, mut found) = (t_max, 0, false);
         self.tree.walk::<false>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
+            let block = Block::at(arena, block);
             tested += LANES;
             let met = block.intersect(ray, *t_max);
             found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
@@ -366,13 +367,13 @@ fn nearest_in<C: Coverage>(
     let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
         blas.tree.walk::<true>(Some(part.root), local, t_max, stack, &mut (), |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
+            let block = Block::at(arena, block);
             let met = block.intersect(local, *t_max);
             let mut lanes = met.hits;
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & (LANES - 1);
                 lanes &= lanes - 1;
-                let found = hit_of(&met, block, part.instance, lane);
+                let found = hit_of(&met, block.row(lane), part.instance, lane);
                 let nearer = found.t < best.t
                     || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
                 if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
@@ -386,15 +387,8 @@ fn nearest_in<C: Coverage>(
 }
 
 #[inline(always)]
-pub(super) fn hit_of(met: &BlockHit, block: &TriangleBlock, instance: u32, lane: usize) -> Hit {
-    Hit {
-        t: met.t[lane],
-        instance,
-        triangle: block.row(lane),
-        b1: met.b1[lane],
-        b2: met.b2[lane],
-        back: met.back >> lane & 1 == 1,
-    }
+pub(super) fn hit_of(met: &BlockHit, triangle: u32, instance: u32, lane: usize) -> Hit {
+    Hit { t: met.t[lane], instance, triangle, b1: met.b1[lane], b2: met.b2[lane], back: met.back >> lane & 1 == 1 }
 }
 
 #[inline(always)]
@@ -413,13 +407,14 @@ fn occluded_in<C: Coverage>(
     let mut t_end = t_max;
     in_local(instance, ray, |local| {
         blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, &mut (), |block, t_end| {
-            let block = TriangleBlock::at(arena, block);
+            let block = Block::at(arena, block);
             let met = block.intersect(local, *t_end);
             found = met.hits != 0
                 && (C::TRIVIAL
                     || !instance.check
                     || (0..LANES).any(|lane| {
-                        met.hits >> lane & 1 == 1 && coverage.covers(ray_id, &hit_of(&met, block, part.instance, lane))
+                        met.hits >> lane & 1 == 1
+                            && coverage.covers(ray_id, &hit_of(&met, block.row(lane), part.instance, lane))
                     }));
             found
         })

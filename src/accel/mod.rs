@@ -15,6 +15,7 @@ mod family;
 mod grid;
 mod kdtree;
 mod octree;
+mod polytope;
 mod queue;
 mod space;
 mod structure;

@@ -6,119 +6,14 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::{
-    Coverage, Rays,
-    bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
+    Blas, Coverage, Rays,
+    bvh8::{Bvh8, INSTANCE, KIND, Node, Quality, Stack, bounds_of},
+    mesh::Other,
     queue,
-    space::{Bounds, blurred, covered},
-    structure::{Counters, Nearest, Structure},
-    triangle::{BlockHit, Ray, TriangleBlock, TriangleHit, has_area},
+    structure::{Counters, Nearest},
+    triangle::{BlockHit, Ray, TriangleBlock, TriangleHit},
 };
 use crate::{flat::NONE, simd::LANES};
-
-/// Rays against the triangles of one mesh, in its local space.
-#[derive(Clone, Debug)]
-pub struct Blas {
-    pub(super) tree: Bvh8,
-    bounds: Aabb,
-    /// Triangles in it.
-    references: usize,
-}
-
-impl Default for Blas {
-    fn default() -> Self {
-        Self { tree: Bvh8::default(), bounds: Aabb::empty(), references: 0 }
-    }
-}
-
-impl Blas {
-    /// Over triangles given by their corners, which must be finite. Those without area are left out.
-    pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
-        let covered = covered(&whole);
-        let bounds_of = |corners: &[[f32; 3]; 3]| {
-            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
-            Aabb::new(lower.into(), upper.into())
-        };
-        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
-        let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
-        let tree = Bvh8::build(&boxes, Quality::Good, LANES, |rows, arena| {
-            // In order of rows, so that the block does not depend on how the tree came to it.
-            rows.sort_unstable();
-            LEAF | TriangleBlock::new(rows.iter().map(|&row| (row, triangles[row as usize]))).store(arena)
-        });
-        let references = boxes.iter().filter(|one| one.valid()).count();
-        Self { tree, bounds, references }
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        self.tree.bytes()
-    }
-
-    /// Lowest and highest corner; lowest above highest if there is no triangle.
-    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
-        (self.bounds.min.to_array(), self.bounds.max.to_array())
-    }
-}
-
-impl Structure for Blas {
-    const NAME: &'static str = "bvh8";
-
-    fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        Self::build(triangles)
-    }
-
-    fn bytes(&self) -> usize {
-        self.bytes()
-    }
-
-    fn references(&self) -> usize {
-        self.references
-    }
-
-    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        let arena = self.tree.arena.granules();
-        let (mut t_max, mut tested) = (best.t, 0);
-        self.tree.walk::<true>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
-            tested += LANES;
-            let met = block.intersect(ray, *t_max);
-            for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
-                best.offer(block.row(lane), &met.hit(lane), &accept);
-            }
-            *t_max = best.t;
-            false
-        });
-        counters.triangles(tested);
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let arena = self.tree.arena.granules();
-        let (mut t_max, mut tested, mut found) = (t_max, 0, false);
-        self.tree.walk::<false>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = TriangleBlock::at(arena, block);
-            tested += LANES;
-            let met = block.intersect(ray, *t_max);
-            found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
-            found
-        });
-        counters.triangles(tested);
-        found
-    }
-}
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,6 +76,8 @@ pub struct Accel {
     bounds: Option<([f32; 3], [f32; 3])>,
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
+    /// Some mesh is in another structure than the eight-wide tree, and rays go one by one for that.
+    others: bool,
 }
 
 /// A 3×4 matrix, by rows, times a point.
@@ -211,7 +108,8 @@ impl Accel {
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
-        Self { tree, instances, parts, bounds, deep }
+        let others = instances.iter().any(|one| one.blas.other.is_some());
+        Self { tree, instances, parts, bounds, deep, others }
     }
 
     /// Says again which instances need their hits confirmed.
@@ -264,7 +162,7 @@ impl Accel {
         self.nearest_counted(rays, coverage, &mut (), done);
     }
 
-    /// [`Accel::nearest_of`], counting its work; that of scenes too deep for waves is not counted.
+    /// [`Accel::nearest_of`], counting its work, but only where rays go in waves: in eight-wide trees that are not too deep.
     pub fn nearest_counted<C: Coverage>(
         &self,
         rays: &impl Rays,
@@ -272,7 +170,7 @@ impl Accel {
         counters: &mut impl Counters,
         done: impl FnMut(usize, &Hit),
     ) {
-        if self.deep {
+        if self.deep || self.others {
             let mut stacks = Stacks::default();
             let mut done = done;
             for index in 0..rays.count() {
@@ -289,7 +187,7 @@ impl Accel {
         self.occluded_counted(rays, coverage, &mut (), done);
     }
 
-    /// [`Accel::occluded_of`], counting its work; that of scenes too deep for waves is not counted.
+    /// [`Accel::occluded_of`], counting its work, but only where rays go in waves: in eight-wide trees that are not too deep.
     pub fn occluded_counted<C: Coverage>(
         &self,
         rays: &impl Rays,
@@ -297,7 +195,7 @@ impl Accel {
         counters: &mut impl Counters,
         mut done: impl FnMut(usize, bool),
     ) {
-        if self.deep {
+        if self.deep || self.others {
             let mut stacks = Stacks::default();
             for index in 0..rays.count() {
                 let (origin, direction, t_max) = rays.ray(index);
@@ -363,6 +261,10 @@ fn nearest_in<C: Coverage>(
     stack: &mut Stack,
 ) {
     let blas = &*instance.blas;
+    if let Some(other) = &blas.other {
+        in_local(instance, ray, |local| nearest_in_other(other, instance, part, local, t_max, best, ray_id, coverage));
+        return;
+    }
     let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
         blas.tree.walk::<true>(Some(part.root), local, t_max, stack, &mut (), |block, t_max| {
@@ -383,6 +285,37 @@ fn nearest_in<C: Coverage>(
             false
         })
     });
+}
+
+/// As [`nearest_in`], where the triangles are not in an eight-wide tree.
+fn nearest_in_other<C: Coverage>(
+    other: &Other,
+    instance: &InstanceRef,
+    part: Part,
+    local: &Ray,
+    t_max: &mut f32,
+    best: &mut Hit,
+    ray_id: u32,
+    coverage: &C,
+) {
+    let before = *best;
+    let mut found = Nearest::none(*t_max);
+    other.nearest(local, &mut found, |triangle, hit| {
+        // An instance is entered once: of its own triangles the structure takes the smaller at equal t.
+        (hit.t < before.t || part.instance < before.instance)
+            && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit)))
+    });
+    if found.triangle != NONE {
+        let Nearest { t, triangle, b1, b2, back } = found;
+        *best = Hit { t, instance: part.instance, triangle, b1, b2, back };
+        *t_max = t;
+    }
+}
+
+/// A hit of a mesh as one of an instance.
+#[inline(always)]
+fn placed(instance: u32, triangle: u32, &TriangleHit { t, b1, b2, back }: &TriangleHit) -> Hit {
+    Hit { t, instance, triangle, b1, b2, back }
 }
 
 #[inline(always)]
@@ -408,6 +341,12 @@ fn occluded_in<C: Coverage>(
     stack: &mut Stack,
 ) -> bool {
     let blas = &*instance.blas;
+    if let Some(other) = &blas.other {
+        let accept = |triangle: u32, hit: &TriangleHit| {
+            C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
+        };
+        return in_local(instance, ray, |local| other.occluded(local, t_max, accept));
+    }
     let arena = blas.tree.arena.granules();
     let mut found = false;
     let mut t_end = t_max;
@@ -436,7 +375,7 @@ fn open(instances: &[InstanceRef], boxes: Vec<Aabb>, scene_area: f32) -> (Vec<Pa
     let most = 4 * instances.len() + 2048;
     let (mut parts, mut bounds) = (Vec::new(), Vec::new());
     for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
-        let Some(root) = instance.blas.tree.root else { continue };
+        let Some(root) = instance.blas.root() else { continue };
         parts.push(Part { instance: row as u32, root });
         bounds.push(whole);
     }
@@ -493,4 +432,130 @@ fn world_bounds(instance: &InstanceRef, local: &Aabb) -> Aabb {
         bounds.max[row] += grow;
     }
     bounds
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+    use super::*;
+    use crate::accel::{
+        AccelKind, Solid, family,
+        tests::{Sieve, Wave, placed},
+    };
+
+    /// As [`placed`], but anyhow.
+    fn turned(blas: &Arc<Blas>, world_from_local: DAffine3) -> InstanceRef {
+        let rows = |m: DAffine3| -> [f32; 12] {
+            let [x, y, z, w] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
+            std::array::from_fn(|i| [x, y, z, w][i % 4][i / 4] as f32)
+        };
+        let [world_from_local, local_from_world] = [world_from_local, world_from_local.inverse()].map(rows);
+        InstanceRef { blas: Arc::clone(blas), world_from_local, local_from_world, identity: false, check: false }
+    }
+
+    /// Meshes in a structure: where they were made, moved, turned and stretched, mirrored, in the same place twice, and
+    /// one that is empty. Every other one is asked about its coverage.
+    fn scene(kind: AccelKind) -> Vec<InstanceRef> {
+        let [soup, torus, twice, none] = [
+            family::soup(400, 0.3, 21),
+            family::torus(24, 16),
+            [family::soup(30, 0.5, 22), family::soup(30, 0.5, 22)].concat(),
+            Vec::new(),
+        ]
+        .map(|triangles| Arc::new(Blas::build_as(kind, &triangles)));
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -3.0).normalize(), 0.7);
+        let stretch = DMat3::from_quat(turn) * DMat3::from_diagonal(DVec3::new(1.5, 0.4, 0.9));
+        let mirror = DMat3::from_quat(turn.inverse()) * DMat3::from_diagonal(DVec3::new(-1.0, 0.7, 1.1));
+        let at = |linear: DMat3, x: f64, y: f64, z: f64| DAffine3 { matrix3: linear, translation: DVec3::new(x, y, z) };
+        let mut instances = vec![
+            placed(&torus, 1.0, 0.0),
+            placed(&none, 1.0, 0.0),
+            turned(&torus, at(stretch, 1.0, -0.5, 0.3)),
+            turned(&soup, at(mirror, 0.5, 0.2, -1.0)),
+            placed(&soup, -2.0, 0.5),
+            placed(&twice, 1.0, 0.0),
+            placed(&twice, 1.0, 0.0),
+            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
+            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
+            placed(&torus, 1.0, 0.0),
+        ];
+        instances.iter_mut().step_by(2).for_each(|one| one.check = true);
+        instances
+    }
+
+    /// Answers to all rays: what each meets, and whether it meets anything.
+    fn answers<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) -> Vec<(Hit, bool)> {
+        let mut answers = vec![(NO_HIT, false); wave.0.len()];
+        accel.nearest_of(wave, coverage, |index, hit| answers[index].0 = *hit);
+        accel.occluded_of(wave, coverage, |index, occluded| answers[index].1 = occluded);
+        answers
+    }
+
+    #[test]
+    fn placed_meshes_are_hit_alike_in_every_structure() {
+        // Rays through all of the scene, some of which end within it.
+        let corners = [-3.0, 3.0].map(|x| [[x; 3], [x, x, -x], [x, -x, -x]]);
+        let around = [family::torus(12, 8), corners.to_vec()].concat();
+        let ends = [f32::INFINITY, 0.8, f32::INFINITY, 1.3];
+        let rays = family::rays(&around, 6000, 23).into_iter().zip(ends.iter().cycle());
+        let wave = Wave(rays.map(|(ray, end)| (ray.origin, ray.direction, *end)).collect());
+        let accel = Accel::build(scene(AccelKind::default()));
+        let (solid, sieved) = (answers(&accel, &wave, &Solid), answers(&accel, &wave, &Sieve));
+        let hits = solid.iter().filter(|(hit, _)| hit.instance != NONE).count();
+        let through = solid.iter().zip(&sieved).filter(|(a, b)| a != b).count();
+        let instances = |row: u32| solid.iter().filter(|(hit, _)| hit.instance == row).count();
+        assert!(hits > 2000 && through > 300 && (0..5).all(|row| row == 1 || instances(row) > 50), "{hits} {through}");
+        assert_eq!(instances(6) + instances(8) + instances(9), 0, "of equal ones the first is hit");
+        for kind in AccelKind::ALL {
+            let other = Accel::build(scene(kind));
+            assert_eq!(other.bounds(), accel.bounds());
+            assert_eq!(other.others, kind != AccelKind::default(), "{}", kind.name());
+            let got = [answers(&other, &wave, &Solid), answers(&other, &wave, &Sieve)];
+            for (got, want) in got.iter().zip([&solid, &sieved]) {
+                for (index, (got, want)) in got.iter().zip(want).enumerate() {
+                    assert_eq!(got, want, "{}: ray {index} {:?}", kind.name(), wave.0[index]);
+                }
+            }
+        }
+    }
+
+    /// Structures may even be mixed.
+    #[test]
+    fn each_mesh_may_be_in_another_structure() {
+        let triangles = family::soup(300, 0.3, 24);
+        let scene = |kinds: &[AccelKind]| {
+            let place = |(i, kind): (usize, &AccelKind)| {
+                placed(&Arc::new(Blas::build_as(*kind, &triangles)), 1.0 + i as f32, 0.3)
+            };
+            Accel::build(kinds.iter().enumerate().map(place).collect())
+        };
+        let rays = family::rays(&triangles, 2000, 25).into_iter();
+        let wave = Wave(rays.map(|ray| (ray.origin, ray.direction, f32::INFINITY)).collect());
+        let [mixed, plain] = [AccelKind::ALL, [AccelKind::default(); 7]].map(|kinds| scene(&kinds));
+        assert!(answers(&mixed, &wave, &Sieve) == answers(&plain, &wave, &Sieve));
+    }
+
+    /// A floor of 20,000 triangles stands among small things: the top level sees its parts, but those whole.
+    #[test]
+    fn large_meshes_are_opened_and_small_ones_are_not() {
+        let (floor, small) = (family::floor(1, 100), family::torus(24, 16));
+        let [floor, small] = [floor, small].map(|triangles| Arc::new(Blas::build(&triangles)));
+        let mut instances = vec![placed(&floor, 1.0, 0.0)];
+        instances.extend((0..10).map(|i| placed(&small, 0.01, 0.1 * i as f32)));
+        let parts = |instances: &[InstanceRef], row: u32| {
+            let accel = Accel::build(instances.to_vec());
+            accel.parts.iter().filter(|part| part.instance == row).count()
+        };
+        assert!(parts(&instances, 0) > 100, "{}", parts(&instances, 0));
+        assert!((1..=10).all(|row| parts(&instances, row) == 1));
+        // Placed elsewhere each part costs a transform, so that they are fewer.
+        let moved = [placed(&floor, 1.0, 0.5), instances[1].clone()];
+        assert!((8..100).contains(&parts(&moved, 0)), "{}", parts(&moved, 0));
+        // Alone there is nothing that it could overlap.
+        assert_eq!(parts(&instances[..1], 0), 1);
+        // Other structures cannot be opened.
+        let closed = Arc::new(Blas::build_as(AccelKind::Bvh2, &family::floor(1, 100)));
+        assert_eq!(parts(&[placed(&closed, 1.0, 0.0), instances[1].clone()], 0), 1);
+    }
 }

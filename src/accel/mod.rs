@@ -25,6 +25,7 @@ mod grid;
 mod kdtree;
 mod mesh;
 mod octree;
+mod open;
 mod polytope;
 mod queue;
 mod space;

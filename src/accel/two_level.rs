@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::{
     Blas, Coverage, Rays,
-    bvh8::{Bvh8, INSTANCE, KIND, Node, Quality, Stack, bounds_of},
+    bvh8::{Bvh8, INSTANCE, Quality, Stack},
     mesh::Other,
+    open::{open, world_bounds},
     queue,
     structure::{Counters, Nearest},
     triangle::{BlockHit, Ray, TriangleBlock, TriangleHit},
@@ -77,7 +78,7 @@ pub struct Accel {
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
     /// Some mesh is in another structure than the eight-wide tree, and rays go one by one for that.
-    others: bool,
+    pub(super) others: bool,
 }
 
 /// A 3×4 matrix, by rows, times a point.
@@ -287,7 +288,9 @@ fn nearest_in<C: Coverage>(
     });
 }
 
-/// As [`nearest_in`], where the triangles are not in an eight-wide tree.
+/// As [`nearest_in`], where the triangles are not in an eight-wide tree. Kept out of line, because the stacks of all
+/// structures would lie on that of every ray.
+#[inline(never)]
 fn nearest_in_other<C: Coverage>(
     other: &Other,
     instance: &InstanceRef,
@@ -310,6 +313,22 @@ fn nearest_in_other<C: Coverage>(
         *best = Hit { t, instance: part.instance, triangle, b1, b2, back };
         *t_max = t;
     }
+}
+
+/// As [`occluded_in`], where the triangles are not in an eight-wide tree.
+#[inline(never)]
+fn occluded_in_other<C: Coverage>(
+    other: &Other,
+    instance: &InstanceRef,
+    part: Part,
+    local: &Ray,
+    t_max: f32,
+    ray_id: u32,
+    coverage: &C,
+) -> bool {
+    other.occluded(local, t_max, |triangle, hit| {
+        C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
+    })
 }
 
 /// A hit of a mesh as one of an instance.
@@ -342,10 +361,9 @@ fn occluded_in<C: Coverage>(
 ) -> bool {
     let blas = &*instance.blas;
     if let Some(other) = &blas.other {
-        let accept = |triangle: u32, hit: &TriangleHit| {
-            C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
-        };
-        return in_local(instance, ray, |local| other.occluded(local, t_max, accept));
+        return in_local(instance, ray, |local| {
+            occluded_in_other(other, instance, part, local, t_max, ray_id, coverage)
+        });
     }
     let arena = blas.tree.arena.granules();
     let mut found = false;
@@ -364,198 +382,4 @@ fn occluded_in<C: Coverage>(
         })
     });
     found
-}
-
-/// What the top level leads to, with boxes in the world: whole meshes, but of large ones the subtrees.
-///
-/// Meshes overlap, and the box of a large one says little of where its triangles are; opened, the top level can lead a
-/// ray past what it would have had to enter (Benthin et al. 2017, "Improved Two-Level BVHs using Partial
-/// Re-Braiding"). A part that has a transform of its own costs more to enter, so fewer of those are made.
-fn open(instances: &[InstanceRef], boxes: Vec<Aabb>, scene_area: f32) -> (Vec<Part>, Vec<Aabb>) {
-    let most = 4 * instances.len() + 2048;
-    let (mut parts, mut bounds) = (Vec::new(), Vec::new());
-    for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
-        let Some(root) = instance.blas.root() else { continue };
-        parts.push(Part { instance: row as u32, root });
-        bounds.push(whole);
-    }
-    if parts.len() == 1 {
-        return (parts, bounds);
-    }
-    // Breadth first, so that the largest come before the budget is spent.
-    let mut next = 0;
-    while next < parts.len() && parts.len() + LANES <= most {
-        let Part { instance: row, root } = parts[next];
-        let instance = &instances[row as usize];
-        let least = scene_area * if instance.identity { OPEN_IDENTITY } else { OPEN_PLACED };
-        if root & KIND != 0 || bounds[next].half_area() <= least {
-            next += 1;
-            continue;
-        }
-        let mut children = Node::at(instance.blas.tree.arena.granules(), root).boxes();
-        let (first, child) = children.next().expect("a node has children");
-        parts[next] = Part { instance: row, root: child };
-        bounds[next] = world_bounds(instance, &first);
-        for (local, root) in children {
-            parts.push(Part { instance: row, root });
-            bounds.push(world_bounds(instance, &local));
-        }
-        // The first child is looked at again in its turn: now.
-    }
-    (parts, bounds)
-}
-
-/// Parts larger than this share of the scene's area are opened, if their mesh stands where it was made …
-const OPEN_IDENTITY: f32 = 1.0 / 1024.0;
-/// … and if it has been placed.
-const OPEN_PLACED: f32 = 1.0 / 16.0;
-
-/// A box in the world that holds a box of an instance, grown by the rounding of its transform.
-fn world_bounds(instance: &InstanceRef, local: &Aabb) -> Aabb {
-    if !local.valid() {
-        return Aabb::empty();
-    }
-    if instance.identity {
-        return *local;
-    }
-    let (lo, hi) = (local.min.to_array(), local.max.to_array());
-    let m = &instance.world_from_local;
-    let corner =
-        |i: u32| -> [f32; 3] { std::array::from_fn(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }) };
-    let mut bounds = bounds_of((0..8).map(|i| transform_point(m, corner(i))));
-    for row in 0..3 {
-        let size = |axis: usize| lo[axis].abs().max(hi[axis].abs());
-        let scale = (0..3).map(|axis| m[row * 4 + axis].abs() * size(axis)).sum::<f32>() + m[row * 4 + 3].abs();
-        // The transform there and the ray's way back round a few times each.
-        let grow = 16.0 * f32::EPSILON * scale;
-        bounds.min[row] -= grow;
-        bounds.max[row] += grow;
-    }
-    bounds
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::{DAffine3, DMat3, DQuat, DVec3};
-
-    use super::*;
-    use crate::accel::{
-        AccelKind, Solid, family,
-        tests::{Sieve, Wave, placed},
-    };
-
-    /// As [`placed`], but anyhow.
-    fn turned(blas: &Arc<Blas>, world_from_local: DAffine3) -> InstanceRef {
-        let rows = |m: DAffine3| -> [f32; 12] {
-            let [x, y, z, w] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
-            std::array::from_fn(|i| [x, y, z, w][i % 4][i / 4] as f32)
-        };
-        let [world_from_local, local_from_world] = [world_from_local, world_from_local.inverse()].map(rows);
-        InstanceRef { blas: Arc::clone(blas), world_from_local, local_from_world, identity: false, check: false }
-    }
-
-    /// Meshes in a structure: where they were made, moved, turned and stretched, mirrored, in the same place twice, and
-    /// one that is empty. Every other one is asked about its coverage.
-    fn scene(kind: AccelKind) -> Vec<InstanceRef> {
-        let [soup, torus, twice, none] = [
-            family::soup(400, 0.3, 21),
-            family::torus(24, 16),
-            [family::soup(30, 0.5, 22), family::soup(30, 0.5, 22)].concat(),
-            Vec::new(),
-        ]
-        .map(|triangles| Arc::new(Blas::build_as(kind, &triangles)));
-        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -3.0).normalize(), 0.7);
-        let stretch = DMat3::from_quat(turn) * DMat3::from_diagonal(DVec3::new(1.5, 0.4, 0.9));
-        let mirror = DMat3::from_quat(turn.inverse()) * DMat3::from_diagonal(DVec3::new(-1.0, 0.7, 1.1));
-        let at = |linear: DMat3, x: f64, y: f64, z: f64| DAffine3 { matrix3: linear, translation: DVec3::new(x, y, z) };
-        let mut instances = vec![
-            placed(&torus, 1.0, 0.0),
-            placed(&none, 1.0, 0.0),
-            turned(&torus, at(stretch, 1.0, -0.5, 0.3)),
-            turned(&soup, at(mirror, 0.5, 0.2, -1.0)),
-            placed(&soup, -2.0, 0.5),
-            placed(&twice, 1.0, 0.0),
-            placed(&twice, 1.0, 0.0),
-            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
-            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
-            placed(&torus, 1.0, 0.0),
-        ];
-        instances.iter_mut().step_by(2).for_each(|one| one.check = true);
-        instances
-    }
-
-    /// Answers to all rays: what each meets, and whether it meets anything.
-    fn answers<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) -> Vec<(Hit, bool)> {
-        let mut answers = vec![(NO_HIT, false); wave.0.len()];
-        accel.nearest_of(wave, coverage, |index, hit| answers[index].0 = *hit);
-        accel.occluded_of(wave, coverage, |index, occluded| answers[index].1 = occluded);
-        answers
-    }
-
-    #[test]
-    fn placed_meshes_are_hit_alike_in_every_structure() {
-        // Rays through all of the scene, some of which end within it.
-        let corners = [-3.0, 3.0].map(|x| [[x; 3], [x, x, -x], [x, -x, -x]]);
-        let around = [family::torus(12, 8), corners.to_vec()].concat();
-        let ends = [f32::INFINITY, 0.8, f32::INFINITY, 1.3];
-        let rays = family::rays(&around, 6000, 23).into_iter().zip(ends.iter().cycle());
-        let wave = Wave(rays.map(|(ray, end)| (ray.origin, ray.direction, *end)).collect());
-        let accel = Accel::build(scene(AccelKind::default()));
-        let (solid, sieved) = (answers(&accel, &wave, &Solid), answers(&accel, &wave, &Sieve));
-        let hits = solid.iter().filter(|(hit, _)| hit.instance != NONE).count();
-        let through = solid.iter().zip(&sieved).filter(|(a, b)| a != b).count();
-        let instances = |row: u32| solid.iter().filter(|(hit, _)| hit.instance == row).count();
-        assert!(hits > 2000 && through > 300 && (0..5).all(|row| row == 1 || instances(row) > 50), "{hits} {through}");
-        assert_eq!(instances(6) + instances(8) + instances(9), 0, "of equal ones the first is hit");
-        for kind in AccelKind::ALL {
-            let other = Accel::build(scene(kind));
-            assert_eq!(other.bounds(), accel.bounds());
-            assert_eq!(other.others, kind != AccelKind::default(), "{}", kind.name());
-            let got = [answers(&other, &wave, &Solid), answers(&other, &wave, &Sieve)];
-            for (got, want) in got.iter().zip([&solid, &sieved]) {
-                for (index, (got, want)) in got.iter().zip(want).enumerate() {
-                    assert_eq!(got, want, "{}: ray {index} {:?}", kind.name(), wave.0[index]);
-                }
-            }
-        }
-    }
-
-    /// Structures may even be mixed.
-    #[test]
-    fn each_mesh_may_be_in_another_structure() {
-        let triangles = family::soup(300, 0.3, 24);
-        let scene = |kinds: &[AccelKind]| {
-            let place = |(i, kind): (usize, &AccelKind)| {
-                placed(&Arc::new(Blas::build_as(*kind, &triangles)), 1.0 + i as f32, 0.3)
-            };
-            Accel::build(kinds.iter().enumerate().map(place).collect())
-        };
-        let rays = family::rays(&triangles, 2000, 25).into_iter();
-        let wave = Wave(rays.map(|ray| (ray.origin, ray.direction, f32::INFINITY)).collect());
-        let [mixed, plain] = [AccelKind::ALL, [AccelKind::default(); 7]].map(|kinds| scene(&kinds));
-        assert!(answers(&mixed, &wave, &Sieve) == answers(&plain, &wave, &Sieve));
-    }
-
-    /// A floor of 20,000 triangles stands among small things: the top level sees its parts, but those whole.
-    #[test]
-    fn large_meshes_are_opened_and_small_ones_are_not() {
-        let (floor, small) = (family::floor(1, 100), family::torus(24, 16));
-        let [floor, small] = [floor, small].map(|triangles| Arc::new(Blas::build(&triangles)));
-        let mut instances = vec![placed(&floor, 1.0, 0.0)];
-        instances.extend((0..10).map(|i| placed(&small, 0.01, 0.1 * i as f32)));
-        let parts = |instances: &[InstanceRef], row: u32| {
-            let accel = Accel::build(instances.to_vec());
-            accel.parts.iter().filter(|part| part.instance == row).count()
-        };
-        assert!(parts(&instances, 0) > 100, "{}", parts(&instances, 0));
-        assert!((1..=10).all(|row| parts(&instances, row) == 1));
-        // Placed elsewhere each part costs a transform, so that they are fewer.
-        let moved = [placed(&floor, 1.0, 0.5), instances[1].clone()];
-        assert!((8..100).contains(&parts(&moved, 0)), "{}", parts(&moved, 0));
-        // Alone there is nothing that it could overlap.
-        assert_eq!(parts(&instances[..1], 0), 1);
-        // Other structures cannot be opened.
-        let closed = Arc::new(Blas::build_as(AccelKind::Bvh2, &family::floor(1, 100)));
-        assert_eq!(parts(&[placed(&closed, 1.0, 0.0), instances[1].clone()], 0), 1);
-    }
 }

@@ -230,6 +230,10 @@ fn another_structure_rebuilds_the_trees_alone() {
         let after: Vec<_> = columns(&stage.renderer);
         assert!(before == after, "{accel:?}: the vertices stayed where they were");
         trees.push(bytes(&stage.renderer));
+        let flat = stage.renderer.scene();
+        for (one, mesh) in flat.accel.instances().iter().zip(&flat.instances.mesh) {
+            assert!(Arc::ptr_eq(&one.blas, &flat.meshes[*mesh as usize].blas), "{accel:?}: what is placed is new");
+        }
         assert!(stage.renderer.render(&settings, &()).picture == want, "{accel:?}");
     }
     assert!(trees[0] != bytes_before && trees[2] != bytes_before && trees[0] != trees[2], "{trees:?}");

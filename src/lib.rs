@@ -30,7 +30,7 @@
 //! | [`flat`] | 4 | the tables: the scene as rays see it |
 //! | [`wavefront`] | 5 | tables and settings → sums of light; one file per stage |
 //! | [`film`] | 6 | sums → pixels → files |
-//! | [`accel`] | | rays → hits: a BVH per mesh under a BVH over instances |
+//! | [`accel`] | | rays → hits: a tree or another structure per mesh, under a tree over instances |
 //! | [`bsdf`] | | directions at a surface → how much is scattered, and samples of it |
 //! | [`light`] | | the sky as a light: look-up and sampling |
 //! | [`sampling`] | | (pixel, sample, dimension, seed) → numbers, directions, choices |
@@ -119,8 +119,7 @@
 //! # What differs from the architecture as first drawn
 //!
 //! - `load` reads glTF with its own checked code; the `gltf` crate lends constants, and tests compare the two.
-//! - Accelerators so far: trees of eight boxes to a node, collapsed from binary trees that obvhs builds, for
-//!   meshes and for instances.
+//! - The eight-wide trees are collapsed from binary trees that obvhs builds; the top level is always one.
 //! - Emission and light sampling of surfaces and punctual lights are kernels of the wavefront (`direct`,
 //!   `emit`), because they read its queues; [`light`] holds the environment, which needs tables of its own.
 //! - A wave is topped up with camera rays as its paths end, so that blocks stay full. Sums are exact,

@@ -2,6 +2,7 @@
 
 use std::{ops::Range, time::Duration};
 
+pub use crate::accel::{AccelKind, Quality};
 use crate::{film::Picture, flat::FlatScene, systems::Systems, wavefront, world::Scene};
 
 /// Where numbers in [0, 1) come from.
@@ -198,11 +199,16 @@ pub struct SyncReport {
     pub rebuilt: Vec<(&'static str, usize)>,
     /// What was left out of the tables and why: singular transforms, meshes without triangles, …
     pub warnings: Vec<String>,
+    /// Wall time of putting meshes into structures for rays; zero if that was not asked for.
+    pub build_time: Duration,
 }
 
 /// Holds the tables of a scene between pictures of it.
 #[derive(Default)]
 pub struct Renderer {
+    /// What meshes are put into for rays. It changes no bit of a picture; a change takes effect with the next sync, and
+    /// rebuilds the trees alone.
+    pub accel: AccelKind,
     systems: Systems,
     flat: FlatScene,
 }
@@ -215,7 +221,7 @@ impl Renderer {
 
     /// Brings the tables up to date with the scene; does only what its changes ask for.
     pub fn sync(&mut self, scene: &mut Scene) -> SyncReport {
-        self.systems.sync(scene, &mut self.flat)
+        self.systems.sync(scene, &mut self.flat, self.accel)
     }
 
     /// The tables as of the last sync.

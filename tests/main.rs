@@ -1,5 +1,6 @@
 //! One binary, a module per kind of evidence.
 
+mod accel;
 mod allocation;
 mod analytic;
 mod assets;

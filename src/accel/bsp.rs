@@ -7,10 +7,14 @@
 //! Trying all of these takes O(n²) in a cell. To build in the time of the other structures, cells are cut here as in a
 //! [`super::KdTree`] until they hold few triangles.
 
+use std::{iter::Copied, slice::Iter};
+
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     kdtree::{DEPTH as KD_DEPTH, EMPTY, MOST_REFERENCES, PARALLEL, Part, VISIT, best_plane, depth_for, divide},
+    polytope::{Polytope, cross, dot, length, minus},
     space::{Beam, Bounds, Polygon, Scissors, Soup, cut, margin},
+    structure::asked_by_walking,
 };
 
 /// Cells of no more triangles are cut by planes of any direction. More than this makes the build slower and not the
@@ -95,108 +99,6 @@ impl Cut {
             Self::Across(..) => VISIT,
             Self::Askew(_) => VISIT_ASKEW,
         }
-    }
-}
-
-fn minus(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|axis| a[axis] - b[axis])
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|axis| {
-        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
-        a[j] * b[k] - a[k] * b[j]
-    })
-}
-
-/// Normal of a polygon, as long as twice its area.
-fn area_vector(polygon: &[[f64; 3]]) -> [f64; 3] {
-    let Some((first, rest)) = polygon.split_first() else { return [0.0; 3] };
-    rest.windows(2).fold([0.0; 3], |sum, pair| {
-        let part = cross(&minus(&pair[0], first), &minus(&pair[1], first));
-        std::array::from_fn(|axis| sum[axis] + part[axis])
-    })
-}
-
-fn length(v: &[f64; 3]) -> f64 {
-    dot(v, v).sqrt()
-}
-
-/// A convex cell, by its faces, whose corners run counterclockwise seen from outside.
-#[derive(Clone, Debug)]
-struct Polytope(Vec<Polygon>);
-
-impl Polytope {
-    fn of_box(cell: &Bounds) -> Self {
-        let corner = |bits: usize| -> [f64; 3] {
-            std::array::from_fn(|axis| f64::from([cell.lower, cell.upper][bits >> axis & 1][axis]))
-        };
-        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        Self(faces.iter().map(|face| face.map(corner).to_vec()).collect())
-    }
-
-    /// Twice the area of the surface.
-    fn area(&self) -> f64 {
-        self.0.iter().map(|face| length(&area_vector(face))).sum()
-    }
-
-    /// Twice the areas of the two parts that a cut would make.
-    ///
-    /// The area vectors of a closed surface add up to zero, and so the new face's is that of what is open.
-    fn areas(&self, spare: &mut Polygon, distance: impl Fn(&[f64; 3]) -> f64) -> [f64; 2] {
-        let mut areas = [0.0; 2];
-        let mut open = [0.0; 3];
-        for face in &self.0 {
-            cut(face, spare, |p| -distance(p));
-            let below = area_vector(spare);
-            areas[0] += length(&below);
-            open = std::array::from_fn(|axis| open[axis] + below[axis]);
-            cut(face, spare, &distance);
-            areas[1] += length(&area_vector(spare));
-        }
-        areas.map(|area| area + length(&open))
-    }
-
-    /// The two parts.
-    fn split(&self, distance: impl Fn(&[f64; 3]) -> f64) -> [Self; 2] {
-        let mut parts = [Vec::new(), Vec::new()];
-        let mut rim: Polygon = Vec::new();
-        let mut open = [0.0; 3];
-        for face in &self.0 {
-            let [mut below, mut above] = [Vec::new(), Vec::new()];
-            cut(face, &mut below, |p| -distance(p));
-            cut(face, &mut above, &distance);
-            if !below.is_empty() && !above.is_empty() {
-                // Points of both parts are on the plane.
-                rim.extend(below.iter().filter(|p| above.contains(p)));
-            }
-            let area = area_vector(&below);
-            open = std::array::from_fn(|axis| open[axis] - area[axis]);
-            [below, above].into_iter().zip(&mut parts).for_each(|(face, part)| {
-                if face.len() > 2 {
-                    part.push(face);
-                }
-            });
-        }
-        if rim.len() > 2 && length(&open) > 0.0 {
-            // Around their middle, counterclockwise seen from above the plane.
-            let count = rim.len() as f64;
-            let middle = rim.iter().fold([0.0; 3], |sum: [f64; 3], p| std::array::from_fn(|i| sum[i] + p[i] / count));
-            let right = minus(&rim[0], &middle);
-            let up = cross(&open.map(|x| x / length(&open)), &right);
-            let angle = |p: &[f64; 3]| {
-                let p = minus(p, &middle);
-                dot(&p, &up).atan2(dot(&p, &right))
-            };
-            rim.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-            parts[1].push(rim.iter().rev().copied().collect());
-            parts[0].push(rim);
-        }
-        parts.map(Self)
     }
 }
 
@@ -378,7 +280,7 @@ impl Bsp {
         ray: &Ray,
         mut t_end: f32,
         counters: &mut C,
-        mut leaf: impl FnMut(&[u32], &mut C) -> f32,
+        mut leaf: impl FnMut(Copied<Iter<u32>>, &mut C) -> f32,
     ) {
         let beam = Beam::new(ray, &self.soup.bounds);
         let (mut from, mut to) = beam.within(&self.soup.bounds, t_end);
@@ -422,7 +324,7 @@ impl Bsp {
             let first = node.at as usize;
             let references = &self.references[first..first + (node.kind - LEAF) as usize];
             if !references.is_empty() {
-                t_end = leaf(references, counters);
+                t_end = leaf(references.iter().copied(), counters);
             }
             loop {
                 if top == 0 || t_end < 0.0 {
@@ -469,33 +371,7 @@ impl Structure for Bsp {
         self.references.len()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |references, counters| {
-            self.soup.nearest(references.iter().copied(), ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |references, counters| {
-            found = self.soup.occluded(references.iter().copied(), ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]
@@ -504,29 +380,8 @@ mod tests {
     use crate::accel::{
         KdTree, Work,
         family::{numbers, scenes, soup, torus},
+        polytope::{area_vector, tests::volume},
     };
-
-    /// Volume by the divergence theorem: pyramids from a point to the faces.
-    fn volume(cell: &Polytope) -> f64 {
-        let Some(apex) = cell.0.iter().flatten().next() else { return 0.0 };
-        cell.0.iter().map(|face| dot(&area_vector(face), &minus(&face[0], apex)) / 6.0).sum()
-    }
-
-    /// A unit cube cut through the middle of its edges, askew: two halves, with the areas foretold.
-    #[test]
-    fn a_cube_cut_askew_has_two_halves_of_the_areas_foretold() {
-        let cube = Polytope::of_box(&Bounds { lower: [0.0; 3], upper: [1.0; 3] });
-        assert_eq!((cube.area(), volume(&cube)), (12.0, 1.0));
-        let hexagonal = |p: &[f64; 3]| (p[0] + p[1] + p[2] - 1.5) / 3.0_f64.sqrt();
-        let areas = cube.areas(&mut Vec::new(), hexagonal);
-        // A regular hexagon with edges of √½.
-        let hexagon = 1.5 * 3.0_f64.sqrt() * 0.5;
-        for (part, area) in cube.split(hexagonal).iter().zip(areas) {
-            assert_eq!(part.0.len(), 7);
-            assert!((volume(part) - 0.5).abs() < 1e-12);
-            assert!((area - (6.0 + 2.0 * hexagon)).abs() < 1e-12 && (part.area() - area).abs() < 1e-12);
-        }
-    }
 
     /// The leaf that a point is in.
     fn locate(tree: &Bsp, p: &[f64; 3]) -> usize {

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup},
+    structure::asked_by_walking,
 };
 
 /// Triangles in a leaf at most. The builder makes fewer where its cost says so.
@@ -193,33 +194,7 @@ impl Structure for Bvh2 {
         self.soup.triangles.len()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |positions, counters| {
-            self.soup.nearest(positions, ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |positions, counters| {
-            found = self.soup.occluded(positions, ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]

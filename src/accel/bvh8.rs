@@ -89,6 +89,8 @@ pub(super) struct Bvh8 {
     pub root: Option<u32>,
     /// The most subtrees that a walk puts off at a time.
     pub stack: usize,
+    /// What building the binary tree took.
+    pub binary_time: Duration,
 }
 
 /// Expected cost of a subtree when it is given up to 1, 2, … 8 places in a wide node.
@@ -266,11 +268,12 @@ impl Bvh8 {
         let most = most_in_leaf as u32;
         if rows.len() < 2 {
             let root = (!rows.is_empty()).then(|| make(&mut rows, &mut arena));
-            return Self { root, arena: Arena::new(arena), stack: 0 };
+            return Self { root, arena: Arena::new(arena), ..Self::default() };
         }
         let kept: Vec<Aabb> = rows.iter().map(|&row| boxes[row as usize]).collect();
         let uneven: Vec<Aabb> = kept.iter().enumerate().map(|(row, one)| uneven(row, one)).collect();
-        let binary = build_bvh2(&uneven, quality.params(), &mut Duration::default());
+        let mut binary_time = Duration::default();
+        let binary = build_bvh2(&uneven, quality.params(), &mut binary_time);
         let levels = Levels::new(&binary, &kept, most);
         let mut own = Vec::with_capacity(LANES);
         let mut make_leaf = |position: usize, arena: &mut Vec<Granule>| {
@@ -281,7 +284,7 @@ impl Bvh8 {
         };
         if levels.is_leaf(0, most) {
             let root = Some(make_leaf(0, &mut arena));
-            return Self { root, arena: Arena::new(arena), stack: 0 };
+            return Self { root, arena: Arena::new(arena), stack: 0, binary_time };
         }
         let mut stack = 0;
         // A node to make, the granule and lane of its reference, and what a walk has put off before it gets there.
@@ -318,7 +321,7 @@ impl Bvh8 {
             }
         }
         assert!(arena.len() < QUAD as usize, "16 GiB of one mesh");
-        Self { root: Some(0), arena: Arena::new(arena), stack }
+        Self { root: Some(0), arena: Arena::new(arena), stack, binary_time }
     }
 
     /// Bytes held.

@@ -4,11 +4,14 @@
 //! Algorithm for Ray Tracing"). The grid knows nothing of where triangles are many: the "teapot in a stadium" is a single
 //! cell of it.
 
+use std::iter::{Once, once};
+
 use rayon::prelude::*;
 
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, margin, overlaps},
+    structure::asked_by_walking,
 };
 
 /// Cells for each triangle, if they are not forbidden by the limits below: λ of Cleary, Wyvill 1988, "Analysis of an
@@ -205,9 +208,15 @@ impl Cells {
 }
 
 impl Grid {
-    /// Calls `test` with the references that the ray comes upon and not those seen just before.
+    /// Calls `test` with the references that the ray comes upon, one by one, and not those seen just before.
     #[inline(always)]
-    fn walk<C: Counters>(&self, ray: &Ray, t_end: f32, counters: &mut C, mut test: impl FnMut(u32, &mut C) -> f32) {
+    fn walk<C: Counters>(
+        &self,
+        ray: &Ray,
+        t_end: f32,
+        counters: &mut C,
+        mut test: impl FnMut(Once<u32>, &mut C) -> f32,
+    ) {
         if self.references.is_empty() {
             return;
         }
@@ -221,7 +230,7 @@ impl Grid {
                 let letter = &mut mailbox[reference as usize % MAILBOX];
                 if *letter != reference {
                     *letter = reference;
-                    nearest = test(reference, counters);
+                    nearest = test(once(reference), counters);
                     if nearest < 0.0 {
                         break;
                     }
@@ -315,33 +324,7 @@ impl Structure for Grid {
         self.references.len()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |reference, counters| {
-            self.soup.nearest(std::iter::once(reference), ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |reference, counters| {
-            found = self.soup.occluded(std::iter::once(reference), ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]

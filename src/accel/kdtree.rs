@@ -5,11 +5,14 @@
 //! doing that in O(N log N)", whose second algorithm it is, O(n log² n). Since counts do not depend on which triangle an
 //! extent belongs to, it is enough to sort bare numbers. Only triangles that a plane goes through are clipped anew.
 
+use std::{iter::Copied, slice::Iter};
+
 use rayon::prelude::*;
 
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Scissors, Soup},
+    structure::asked_by_walking,
 };
 
 /// Cost of visiting a node, in tests of a triangle. Of 0.4, 0.7, 1.5 and 3 this made the fastest walks in a torus and
@@ -239,7 +242,7 @@ impl KdTree {
         ray: &Ray,
         mut t_end: f32,
         counters: &mut C,
-        mut leaf: impl FnMut(&[u32], &mut C) -> f32,
+        mut leaf: impl FnMut(Copied<Iter<u32>>, &mut C) -> f32,
     ) {
         let beam = Beam::new(ray, &self.soup.bounds);
         let (mut from, mut to) = beam.within(&self.soup.bounds, t_end);
@@ -273,7 +276,7 @@ impl KdTree {
             let first = node.at.to_bits() as usize;
             let references = &self.references[first..first + (node.word >> 2) as usize];
             if !references.is_empty() {
-                t_end = leaf(references, counters);
+                t_end = leaf(references.iter().copied(), counters);
             }
             loop {
                 if top == 0 || t_end < 0.0 {
@@ -314,33 +317,7 @@ impl Structure for KdTree {
         self.references.len()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |references, counters| {
-            self.soup.nearest(references.iter().copied(), ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |references, counters| {
-            found = self.soup.occluded(references.iter().copied(), ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]

@@ -4,6 +4,15 @@
 //! mesh, [`Accel`] places many in the world. What of a surface a ray goes through (no
 //! back, no coverage) is decided by a [`Coverage`], a type that compiles to nothing
 //! for scenes that are solid throughout.
+//!
+//! A mesh is put into one of a family of structures ([`AccelKind`]). Some divide its
+//! triangles and let boxes overlap: `bvh8`, eight boxes to a node, through which waves
+//! of rays go (`queue`), and its textbook form [`Bvh2`]. Others divide space, and refer
+//! to a triangle from every cell that it is in: [`Grid`] into equal cells, [`Octree`]
+//! into halves across all axes at once, [`KdTree`] by planes across one axis, [`Bsp`] by
+//! planes of any direction. [`Brute`] does neither, and is the truth for all others:
+//! they find candidates, but whether one is hit is decided by [`intersect`] alone, so
+//! that pictures do not depend on the structure by a single bit.
 
 mod arena;
 mod brute;
@@ -14,7 +23,10 @@ mod bvh8;
 mod family;
 mod grid;
 mod kdtree;
+mod mesh;
 mod octree;
+mod open;
+mod polytope;
 mod queue;
 mod space;
 mod structure;
@@ -28,11 +40,12 @@ pub use self::{
     bvh8::Quality,
     grid::Grid,
     kdtree::KdTree,
+    mesh::{AccelKind, Blas},
     octree::Octree,
     queue::{RayList, Rays},
     structure::{Counters, Nearest, Structure, Work},
     triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
-    two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
+    two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
 };
 
 /// Decides whether a surface is there for a ray that meets it.
@@ -75,7 +88,7 @@ mod tests {
 
     const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-    fn placed(blas: &Arc<Blas>, scale: f32, shift: f32) -> InstanceRef {
+    pub(super) fn placed(blas: &Arc<Blas>, scale: f32, shift: f32) -> InstanceRef {
         let mut local_from_world = IDENTITY;
         let mut world_from_local = IDENTITY;
         for axis in 0..3 {
@@ -148,7 +161,7 @@ mod tests {
     }
 
     /// Rays with their ends, for a wave.
-    struct Wave(Vec<([f32; 3], [f32; 3], f32)>);
+    pub(super) struct Wave(pub(super) Vec<([f32; 3], [f32; 3], f32)>);
 
     impl Rays for Wave {
         fn count(&self) -> usize {
@@ -163,7 +176,7 @@ mod tests {
     }
 
     /// Lets ray and triangle meet by a coin of their own.
-    struct Sieve;
+    pub(super) struct Sieve;
 
     impl Coverage for Sieve {
         const TRIVIAL: bool = false;
@@ -243,20 +256,22 @@ mod tests {
         }
     }
 
-    /// Each triangle is half as large as the one before and all share a corner: no tree over them is flat.
+    /// Triangles across a corner, each a little smaller than the one before: the best that a tree can do is to put each
+    /// beside all that are smaller, and no limit of depth helps.
     #[test]
     fn trees_too_deep_for_a_queue_are_walked_ray_by_ray() {
-        let triangles: Vec<[[f32; 3]; 3]> = (0..120)
-            .map(|i| {
-                let size = 5.0 * 0.55_f32.powi(i);
-                [[0.0; 3], [size, size * 0.9, 0.0], [0.0, size, size * 0.8]]
-            })
-            .collect();
-        let mut accel = Accel::build(vec![placed(&Arc::new(Blas::build(&triangles)), 1.0, 0.0)]);
+        let nested = |count: i32| -> Vec<[[f32; 3]; 3]> {
+            let sizes = (0..count).map(|i| 5.0 * 0.85_f32.powi(i));
+            sizes.map(|size| [[size, 0.0, 0.0], [0.0, size, 0.0], [0.0, 0.0, size]]).collect()
+        };
         let wave = wave(2000, 9);
-        check_wave(&accel, &wave, &Solid);
-        accel.deep = true;
-        check_wave(&accel, &wave, &Solid);
+        for (count, deep) in [(40, false), (260, true)] {
+            let blas = Arc::new(Blas::build(&nested(count)));
+            let accel = Accel::build(vec![placed(&blas, 1.0, 0.0), placed(&blas, -0.5, 5.0)]);
+            assert_eq!(accel.deep, deep, "{count} put off {} subtrees", blas.tree.stack);
+            check_wave(&accel, &wave, &Solid);
+            check_wave(&accel, &wave, &Sieve);
+        }
     }
 
     /// Of two triangles in the same place the one of the smaller row is hit, in whatever order they come.

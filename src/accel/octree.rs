@@ -5,11 +5,14 @@
 //! Parametric Algorithm for Octree Traversal", do by recursion; but by the early and late distances of a [`Beam`], which
 //! rounding does not break.
 
+use std::{iter::Copied, slice::Iter};
+
 use rayon::prelude::*;
 
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, overlaps},
+    structure::asked_by_walking,
 };
 
 /// Cells of no more triangles are leaves.
@@ -164,7 +167,7 @@ impl Octree {
         ray: &Ray,
         mut t_end: f32,
         counters: &mut C,
-        mut leaf: impl FnMut(&[u32], &mut C) -> f32,
+        mut leaf: impl FnMut(Copied<Iter<u32>>, &mut C) -> f32,
     ) {
         let beam = Beam::new(ray, &self.soup.bounds);
         let (from, to) = beam.within(&self.soup.bounds, t_end);
@@ -187,7 +190,7 @@ impl Octree {
             let node = &self.nodes[index as usize];
             if node.filled == 0 {
                 let range = self.offsets[node.first as usize] as usize..self.offsets[node.first as usize + 1] as usize;
-                t_end = leaf(&self.references[range], counters);
+                t_end = leaf(self.references[range].iter().copied(), counters);
                 if t_end < 0.0 {
                     return;
                 }
@@ -248,33 +251,7 @@ impl Structure for Octree {
         self.references.len()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |references, counters| {
-            self.soup.nearest(references.iter().copied(), ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |references, counters| {
-            found = self.soup.occluded(references.iter().copied(), ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]
@@ -337,8 +314,9 @@ mod tests {
             let beam = Beam::new(&ray, &tree.soup.bounds);
             let mut entered = 0.0;
             tree.walk(&ray, f32::INFINITY, &mut (), |references, ()| {
+                let references: Vec<u32> = references.collect();
                 // Neighbours overlap by the thickness of the beam.
-                let within = cells[references].iter().map(|cell| beam.within(cell, f32::INFINITY));
+                let within = cells[&references].iter().map(|cell| beam.within(cell, f32::INFINITY));
                 let from = within.filter(|(from, to)| from <= to && *from >= entered - 1e-4).map(|(from, _)| from);
                 entered = from.min_by(f32::total_cmp).expect("a cell with these references, not before the last");
                 visited += 1;

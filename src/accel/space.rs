@@ -191,13 +191,13 @@ pub(super) fn blur(corners: &[[f32; 3]; 3], covered: f64) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beam {
     /// Origins from which planes are met early and late.
-    pub early: [f32; 3],
+    early: [f32; 3],
     /// As above.
-    pub late: [f32; 3],
+    late: [f32; 3],
     /// One over each component of the direction.
-    pub inverse: [f32; 3],
+    inverse: [f32; 3],
     /// 1 for each component that runs towards smaller coordinates, else 0.
-    pub negative: [usize; 3],
+    negative: [usize; 3],
 }
 
 /// How far beside the ray its hits may be, for triangles within bounds.

@@ -101,3 +101,41 @@ pub trait Structure: Send + Sync + Sized {
         counters: &mut impl Counters,
     ) -> bool;
 }
+
+/// `nearest` and `occluded` of a [`Structure`] with a `soup` and a `walk`.
+///
+/// A walk is given the ray, where it ends, the counters, and what is done with the references of each leaf that it comes
+/// to. That returns where the ray ends now, below zero to end the walk.
+macro_rules! asked_by_walking {
+    () => {
+        fn nearest(
+            &self,
+            ray: &Ray,
+            best: &mut Nearest,
+            accept: impl Fn(u32, &TriangleHit) -> bool,
+            counters: &mut impl Counters,
+        ) {
+            self.walk(ray, best.t, counters, |references, counters| {
+                self.soup.nearest(references, ray, best, &accept, counters);
+                best.t
+            });
+        }
+
+        fn occluded(
+            &self,
+            ray: &Ray,
+            t_max: f32,
+            accept: impl Fn(u32, &TriangleHit) -> bool,
+            counters: &mut impl Counters,
+        ) -> bool {
+            let mut found = false;
+            self.walk(ray, t_max, counters, |references, counters| {
+                found = self.soup.occluded(references, ray, t_max, &accept, counters);
+                if found { -1.0 } else { t_max }
+            });
+            found
+        }
+    };
+}
+
+pub(super) use asked_by_walking;

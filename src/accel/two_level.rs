@@ -6,120 +6,15 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::{
-    Coverage, Rays,
-    bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
+    Blas, Coverage, Rays,
+    bvh8::{Bvh8, INSTANCE, Quality, Stack},
+    mesh::Other,
+    open::{open, world_bounds},
     queue,
-    space::{Bounds, blurred, covered},
-    structure::{Counters, Nearest, Structure},
-    triangle::{Block, BlockHit, Ray, TriangleHit, has_area},
+    structure::{Counters, Nearest},
+    triangle::{Block, BlockHit, Ray, TriangleHit},
 };
 use crate::{flat::NONE, simd::LANES};
-
-/// Rays against the triangles of one mesh, in its local space.
-#[derive(Clone, Debug)]
-pub struct Blas {
-    pub(super) tree: Bvh8,
-    bounds: Aabb,
-    /// Triangles in it.
-    references: usize,
-}
-
-impl Default for Blas {
-    fn default() -> Self {
-        Self { tree: Bvh8::default(), bounds: Aabb::empty(), references: 0 }
-    }
-}
-
-impl Blas {
-    /// Over triangles given by their corners, which must be finite. Those without area are left out.
-    pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
-        let covered = covered(&whole);
-        let bounds_of = |corners: &[[f32; 3]; 3]| {
-            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
-            Aabb::new(lower.into(), upper.into())
-        };
-        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
-        let bounds = boxes.iter().fold(Aabb::empty(), |all, one| all.union(one));
-        let tree = Bvh8::build(&boxes, Quality::Good, LANES, |rows, arena| {
-            // In order of rows, so that the block does not depend on how the tree came to it.
-            rows.sort_unstable();
-            let own: Vec<_> = rows.iter().map(|&row| (row, triangles[row as usize])).collect();
-            LEAF | Block::store(&own, arena)
-        });
-        let references = boxes.iter().filter(|one| one.valid()).count();
-        Self { tree, bounds, references }
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        self.tree.bytes()
-    }
-
-    /// Lowest and highest corner; lowest above highest if there is no triangle.
-    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
-        (self.bounds.min.to_array(), self.bounds.max.to_array())
-    }
-}
-
-impl Structure for Blas {
-    const NAME: &'static str = "bvh8";
-
-    fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
-        Self::build(triangles)
-    }
-
-    fn bytes(&self) -> usize {
-        self.bytes()
-    }
-
-    fn references(&self) -> usize {
-        self.references
-    }
-
-    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        let arena = self.tree.arena.granules();
-        let (mut t_max, mut tested) = (best.t, 0);
-        self.tree.walk::<true>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = Block::at(arena, block);
-            tested += LANES;
-            let met = block.intersect(ray, *t_max);
-            for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
-                best.offer(block.row(lane), &met.hit(lane), &accept);
-            }
-            *t_max = best.t;
-            false
-        });
-        counters.triangles(tested);
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let arena = self.tree.arena.granules();
-        let (mut t_max, mut tested, mut found) = (t_max, 0, false);
-        self.tree.walk::<false>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
-            let block = Block::at(arena, block);
-            tested += LANES;
-            let met = block.intersect(ray, *t_max);
-            found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
-            found
-        });
-        counters.triangles(tested);
-        found
-    }
-}
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,6 +77,8 @@ pub struct Accel {
     bounds: Option<([f32; 3], [f32; 3])>,
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
+    /// Some mesh is in another structure than the eight-wide tree, and rays go one by one for that.
+    pub(super) others: bool,
 }
 
 /// A 3×4 matrix, by rows, times a point.
@@ -212,7 +109,8 @@ impl Accel {
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
-        Self { tree, instances, parts, bounds, deep }
+        let others = instances.iter().any(|one| one.blas.other.is_some());
+        Self { tree, instances, parts, bounds, deep, others }
     }
 
     /// Says again which instances need their hits confirmed.
@@ -265,7 +163,7 @@ impl Accel {
         self.nearest_counted(rays, coverage, &mut (), done);
     }
 
-    /// [`Accel::nearest_of`], counting its work; that of scenes too deep for waves is not counted.
+    /// [`Accel::nearest_of`], counting its work, but only where rays go in waves: in eight-wide trees that are not too deep.
     pub fn nearest_counted<C: Coverage>(
         &self,
         rays: &impl Rays,
@@ -273,7 +171,7 @@ impl Accel {
         counters: &mut impl Counters,
         done: impl FnMut(usize, &Hit),
     ) {
-        if self.deep {
+        if self.deep || self.others {
             let mut stacks = Stacks::default();
             let mut done = done;
             for index in 0..rays.count() {
@@ -290,7 +188,7 @@ impl Accel {
         self.occluded_counted(rays, coverage, &mut (), done);
     }
 
-    /// [`Accel::occluded_of`], counting its work; that of scenes too deep for waves is not counted.
+    /// [`Accel::occluded_of`], counting its work, but only where rays go in waves: in eight-wide trees that are not too deep.
     pub fn occluded_counted<C: Coverage>(
         &self,
         rays: &impl Rays,
@@ -298,7 +196,7 @@ impl Accel {
         counters: &mut impl Counters,
         mut done: impl FnMut(usize, bool),
     ) {
-        if self.deep {
+        if self.deep || self.others {
             let mut stacks = Stacks::default();
             for index in 0..rays.count() {
                 let (origin, direction, t_max) = rays.ray(index);
@@ -364,6 +262,10 @@ fn nearest_in<C: Coverage>(
     stack: &mut Stack,
 ) {
     let blas = &*instance.blas;
+    if let Some(other) = &blas.other {
+        in_local(instance, ray, |local| nearest_in_other(other, instance, part, local, t_max, best, ray_id, coverage));
+        return;
+    }
     let arena = blas.tree.arena.granules();
     in_local(instance, ray, |local| {
         blas.tree.walk::<true>(Some(part.root), local, t_max, stack, &mut (), |block, t_max| {
@@ -386,6 +288,55 @@ fn nearest_in<C: Coverage>(
     });
 }
 
+/// As [`nearest_in`], where the triangles are not in an eight-wide tree. Kept out of line, because the stacks of all
+/// structures would lie on that of every ray.
+#[inline(never)]
+fn nearest_in_other<C: Coverage>(
+    other: &Other,
+    instance: &InstanceRef,
+    part: Part,
+    local: &Ray,
+    t_max: &mut f32,
+    best: &mut Hit,
+    ray_id: u32,
+    coverage: &C,
+) {
+    let before = *best;
+    let mut found = Nearest::none(*t_max);
+    other.nearest(local, &mut found, |triangle, hit| {
+        // An instance is entered once: of its own triangles the structure takes the smaller at equal t.
+        (hit.t < before.t || part.instance < before.instance)
+            && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit)))
+    });
+    if found.triangle != NONE {
+        let Nearest { t, triangle, b1, b2, back } = found;
+        *best = Hit { t, instance: part.instance, triangle, b1, b2, back };
+        *t_max = t;
+    }
+}
+
+/// As [`occluded_in`], where the triangles are not in an eight-wide tree.
+#[inline(never)]
+fn occluded_in_other<C: Coverage>(
+    other: &Other,
+    instance: &InstanceRef,
+    part: Part,
+    local: &Ray,
+    t_max: f32,
+    ray_id: u32,
+    coverage: &C,
+) -> bool {
+    other.occluded(local, t_max, |triangle, hit| {
+        C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
+    })
+}
+
+/// A hit of a mesh as one of an instance.
+#[inline(always)]
+fn placed(instance: u32, triangle: u32, &TriangleHit { t, b1, b2, back }: &TriangleHit) -> Hit {
+    Hit { t, instance, triangle, b1, b2, back }
+}
+
 #[inline(always)]
 pub(super) fn hit_of(met: &BlockHit, triangle: u32, instance: u32, lane: usize) -> Hit {
     Hit { t: met.t[lane], instance, triangle, b1: met.b1[lane], b2: met.b2[lane], back: met.back >> lane & 1 == 1 }
@@ -402,6 +353,11 @@ fn occluded_in<C: Coverage>(
     stack: &mut Stack,
 ) -> bool {
     let blas = &*instance.blas;
+    if let Some(other) = &blas.other {
+        return in_local(instance, ray, |local| {
+            occluded_in_other(other, instance, part, local, t_max, ray_id, coverage)
+        });
+    }
     let arena = blas.tree.arena.granules();
     let mut found = false;
     let mut t_end = t_max;
@@ -420,72 +376,4 @@ fn occluded_in<C: Coverage>(
         })
     });
     found
-}
-
-/// What the top level leads to, with boxes in the world: whole meshes, but of large ones the subtrees.
-///
-/// Meshes overlap, and the box of a large one says little of where its triangles are; opened, the top level can lead a
-/// ray past what it would have had to enter (Benthin et al. 2017, "Improved Two-Level BVHs using Partial
-/// Re-Braiding"). A part that has a transform of its own costs more to enter, so fewer of those are made.
-fn open(instances: &[InstanceRef], boxes: Vec<Aabb>, scene_area: f32) -> (Vec<Part>, Vec<Aabb>) {
-    let most = 4 * instances.len() + 2048;
-    let (mut parts, mut bounds) = (Vec::new(), Vec::new());
-    for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
-        let Some(root) = instance.blas.tree.root else { continue };
-        parts.push(Part { instance: row as u32, root });
-        bounds.push(whole);
-    }
-    if parts.len() == 1 {
-        return (parts, bounds);
-    }
-    // Breadth first, so that the largest come before the budget is spent.
-    let mut next = 0;
-    while next < parts.len() && parts.len() + LANES <= most {
-        let Part { instance: row, root } = parts[next];
-        let instance = &instances[row as usize];
-        let least = scene_area * if instance.identity { OPEN_IDENTITY } else { OPEN_PLACED };
-        if root & KIND != 0 || bounds[next].half_area() <= least {
-            next += 1;
-            continue;
-        }
-        let mut children = Node::at(instance.blas.tree.arena.granules(), root).boxes();
-        let (first, child) = children.next().expect("a node has children");
-        parts[next] = Part { instance: row, root: child };
-        bounds[next] = world_bounds(instance, &first);
-        for (local, root) in children {
-            parts.push(Part { instance: row, root });
-            bounds.push(world_bounds(instance, &local));
-        }
-        // The first child is looked at again in its turn: now.
-    }
-    (parts, bounds)
-}
-
-/// Parts larger than this share of the scene's area are opened, if their mesh stands where it was made …
-const OPEN_IDENTITY: f32 = 1.0 / 1024.0;
-/// … and if it has been placed.
-const OPEN_PLACED: f32 = 1.0 / 16.0;
-
-/// A box in the world that holds a box of an instance, grown by the rounding of its transform.
-fn world_bounds(instance: &InstanceRef, local: &Aabb) -> Aabb {
-    if !local.valid() {
-        return Aabb::empty();
-    }
-    if instance.identity {
-        return *local;
-    }
-    let (lo, hi) = (local.min.to_array(), local.max.to_array());
-    let m = &instance.world_from_local;
-    let corner =
-        |i: u32| -> [f32; 3] { std::array::from_fn(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }) };
-    let mut bounds = bounds_of((0..8).map(|i| transform_point(m, corner(i))));
-    for row in 0..3 {
-        let size = |axis: usize| lo[axis].abs().max(hi[axis].abs());
-        let scale = (0..3).map(|axis| m[row * 4 + axis].abs() * size(axis)).sum::<f32>() + m[row * 4 + 3].abs();
-        // The transform there and the ray's way back round a few times each.
-        let grow = 16.0 * f32::EPSILON * scale;
-        bounds.min[row] -= grow;
-        bounds.max[row] += grow;
-    }
-    bounds
 }

@@ -8,7 +8,7 @@ use wavecast::{
     render::Renderer,
 };
 
-use super::{Outcome, console::Console, error::CliError, memory, render::camera_names};
+use super::{Outcome, console::Console, error::CliError, memory, render::camera_names, structure::AccelArgs};
 
 /// Say what is in a scene, what is ignored or approximated, and what it needs and skips
 #[derive(clap::Args)]
@@ -20,16 +20,21 @@ pub struct Args {
     /// Scene by name or index [default: the file's]
     #[arg(long, value_name = "NAME|INDEX")]
     scene: Option<String>,
+    #[command(flatten)]
+    accel: AccelArgs,
 }
 
 /// Loads the scene, builds its tables and tells about both.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
+    let accel = args.accel.kind()?;
     let mut loaded = load::load(&args.scene_file, &LoadOptions { scene: args.scene.as_deref().map(Into::into) })?;
     loaded.warnings.iter().for_each(|warning| console.warn(warning));
     let mut renderer = Renderer::new();
+    renderer.accel = accel;
     let report = renderer.sync(&mut loaded.scene);
     report.warnings.iter().for_each(|warning| console.warn(warning));
     let flat = renderer.scene();
+    let accel = args.accel.report(flat, report.build_time);
     let tables = memory::tables(flat);
     let triangles = |mesh: &u32| flat.meshes.get(*mesh as usize).map_or(0, |mesh| mesh.triangles.len());
     let counts = [
@@ -59,6 +64,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     if flat.lights.default_sky {
         text.push_str("no light: a uniform environment of 1 nit is used\n");
     }
+    text.push_str(&format!("{}\n", accel.text()));
     text.push_str("memory of tables:\n");
     for &(name, bytes) in tables.iter().filter(|(_, bytes)| *bytes > 0) {
         text.push_str(&format!("  {name}: {}\n", memory::human(bytes)));
@@ -77,6 +83,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
             "needs": needs,
             "skips": skips,
             "default_sky": flat.lights.default_sky,
+            "accel": accel.json(),
             "memory_bytes": memory,
             "warnings": console.warnings(),
         })

@@ -14,6 +14,7 @@ mod memory;
 mod progress;
 mod render;
 mod stats;
+mod structure;
 
 use std::{num::NonZeroUsize, process::ExitCode};
 

@@ -23,6 +23,7 @@ use super::{
     interrupt,
     progress::Watcher,
     stats::{self, Report, Seconds},
+    structure::AccelArgs,
 };
 
 /// Width of a picture of which only the shape is known.
@@ -92,6 +93,8 @@ pub struct Args {
     #[arg(long)]
     no_terminator_fix: bool,
     #[command(flatten)]
+    accel: AccelArgs,
+    #[command(flatten)]
     display: DisplayArgs,
     /// Further layers of the EXR
     #[arg(long, value_name = "LAYER,…", value_enum, value_delimiter = ',')]
@@ -115,6 +118,7 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome, CliError> {
     let start = Instant::now();
     let mut seconds = Seconds::default();
+    let accel = args.accel.kind()?;
     check_outputs(&args, console)?;
 
     let options = LoadOptions { scene: args.scene.as_deref().map(Into::into) };
@@ -129,12 +133,14 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
 
     let sync_start = Instant::now();
     let mut renderer = Renderer::new();
+    renderer.accel = accel;
     let report = renderer.sync(scene);
     report.warnings.iter().for_each(|warning| console.warn(warning));
     if renderer.scene().lights.default_sky {
         console.warn("no light in the scene: using a uniform environment of 1 nit");
     }
     seconds.sync = sync_start.elapsed().as_secs_f64();
+    let accel = args.accel.report(renderer.scene(), report.build_time);
 
     let settings = settings(&args, common, &renderer.scene().camera)?;
     interrupt::keep_from_now_on();
@@ -160,6 +166,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
         settings: &settings,
         needs: renderer.scene().needs,
         stats: &rendered.stats,
+        accel: &accel,
         seconds,
         warnings: console.warnings(),
     };

@@ -8,6 +8,8 @@ use wavecast::{
     render::{RenderSettings, RenderStats},
 };
 
+use super::structure::AccelReport;
+
 /// Wall time by part.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seconds {
@@ -25,6 +27,7 @@ pub struct Report<'a> {
     pub settings: &'a RenderSettings,
     pub needs: SceneNeeds,
     pub stats: &'a RenderStats,
+    pub accel: &'a AccelReport,
     pub seconds: Seconds,
     pub warnings: &'a [String],
 }
@@ -54,6 +57,7 @@ pub fn json(report: &Report) -> Value {
             "write": seconds.write,
             "total": seconds.total,
         },
+        "accel": report.accel.json(),
         "spp": stats.spp,
         "paths": stats.paths,
         "rays": { "camera": stats.rays.camera, "bounce": stats.rays.bounce, "shadow": stats.rays.shadow },
@@ -107,7 +111,12 @@ fn peak_rss_bytes() -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
+    use wavecast::flat::FlatScene;
+
     use super::*;
+    use crate::cli::structure::AccelArgs;
 
     /// The keys that `--stats` promises; scripts rely on them.
     #[test]
@@ -122,12 +131,14 @@ mod tests {
             threads: 2,
             ..RenderStats::default()
         };
+        let accel = AccelArgs::default().report(&FlatScene::default(), Duration::from_millis(500));
         let report = Report {
             scene: Path::new("a.glb"),
             outputs: &["a.exr".into()],
             settings: &RenderSettings::default(),
             needs: SceneNeeds::ALPHA,
             stats: &stats,
+            accel: &accel,
             seconds: Seconds { total: 3.0, ..Seconds::default() },
             warnings: &["odd".into()],
         };
@@ -141,6 +152,8 @@ mod tests {
         assert_eq!(got["error"], json!({ "relmse": null, "upper95": null }));
         assert_eq!(got["discarded_samples"], json!({ "not finite": 3 }));
         assert_eq!(got["warnings"], json!(["odd"]));
+        assert_eq!(got["accel"]["name"], "bvh8");
+        assert_eq!(got["accel"]["build_seconds"], 0.5);
         assert!(!got["skipped"].as_array().unwrap().contains(&"alpha".into()));
         assert!(got["skipped"].as_array().unwrap().contains(&"textures".into()));
         for key in ["spp", "paths", "threads", "seed", "version"] {

@@ -26,12 +26,12 @@ mod needs;
 // What tells them that they must.
 mod watch;
 
-use std::{collections::HashMap, sync::Arc};
+use std::{collections::HashMap, sync::Arc, time::Duration};
 
 pub use self::watch::{Watch, Watches};
 use self::{geometry::MeshCache, instances::Shown, lights::EnvironmentCache, textures::ImageCache};
 use crate::{
-    accel::Accel,
+    accel::{Accel, AccelKind, InstanceRef},
     flat::{EnvironmentLight, FlatScene, NONE, flags},
     render::SyncReport,
     world::{Camera, EmissiveSurface, Material, MaterialSlots, Scene, SceneKey, TriMesh, WorldTransform},
@@ -45,15 +45,17 @@ pub struct Systems {
     environment: EnvironmentCache,
     shown: Vec<Shown>,
     camera: Option<SceneKey>,
+    accel: AccelKind,
     synced: bool,
 }
 
 impl Systems {
-    /// Brings the tables up to date with the scene.
-    pub fn sync(&mut self, scene: &mut Scene, flat: &mut FlatScene) -> SyncReport {
+    /// Brings the tables up to date with the scene, meshes in the structure `accel`.
+    pub fn sync(&mut self, scene: &mut Scene, flat: &mut FlatScene, accel: AccelKind) -> SyncReport {
         scene.assign_keys();
         let active_camera = scene.active_camera;
         let first = !std::mem::replace(&mut self.synced, true);
+        let restructured = std::mem::replace(&mut self.accel, accel) != accel;
         let mut report = SyncReport::default();
         let (world, watches, entities) = scene.parts();
 
@@ -73,18 +75,20 @@ impl Systems {
         let cameras_changed = watches.camera.changed(world);
 
         let mut placement_changed = first;
-        let mut materials_rebuilt = false;
+        let (mut meshes_synced, mut materials_rebuilt) = (false, false);
         if first || moved || hidden || meshes_changed || slots_changed || surfaces_changed {
             let before = std::mem::replace(&mut self.shown, instances::shown(world, &mut report.warnings));
             let same_meshes = same(&before, &self.shown, |a, b| a.key == b.key && Arc::ptr_eq(&a.mesh, &b.mesh));
-            if first || !same_meshes {
-                let built = self.sync_meshes(flat);
-                report.rebuilt.push(("geometry", built));
-            }
+            meshes_synced = first || !same_meshes;
             placement_changed |=
                 !same_meshes || !same(&before, &self.shown, |a, b| a.world_from_local == b.world_from_local);
             materials_rebuilt =
                 !same_meshes || !same(&before, &self.shown, |a, b| a.slots == b.slots && a.emissive == b.emissive);
+        }
+        if meshes_synced || restructured {
+            let (built, time) = self.sync_meshes(flat);
+            report.rebuilt.push(("geometry", built));
+            report.build_time = time;
         }
         let emission_before = (flat.materials.emissive.clone(), flat.materials.emissive_texture.clone());
         let flags_before = flat.materials.flags.clone();
@@ -99,8 +103,14 @@ impl Systems {
         if placement_changed {
             self.sync_instances(flat);
             report.rebuilt.push(("instances", flat.instances.len()));
-        } else if materials_rebuilt {
-            self.renumber_materials(flat);
+        } else {
+            if materials_rebuilt {
+                self.renumber_materials(flat);
+            }
+            if restructured {
+                rebuild_top(flat);
+                report.rebuilt.push(("instances", flat.instances.len()));
+            }
         }
         if placement_changed || emission_changed {
             set_checks(flat);
@@ -142,16 +152,18 @@ impl Systems {
         report
     }
 
-    /// Flat meshes of everything shown, in the order of first use; returns how many were built.
-    fn sync_meshes(&mut self, flat: &mut FlatScene) -> usize {
+    /// Flat meshes of everything shown, in the order of first use; returns how many were built and the time for that.
+    fn sync_meshes(&mut self, flat: &mut FlatScene) -> (usize, Duration) {
+        // So that the cache alone has them.
+        flat.meshes.clear();
         let mut sources: Vec<Arc<TriMesh>> = Vec::new();
         let mut seen = HashMap::new();
         for one in &self.shown {
             seen.entry(geometry::id(&one.mesh)).or_insert_with(|| sources.push(Arc::clone(&one.mesh)));
         }
-        let (meshes, built) = self.meshes.sync(&sources);
+        let (meshes, built, time) = self.meshes.sync(&sources, self.accel);
         flat.meshes = meshes;
-        built
+        (built, time)
     }
 
     /// Material rows of everything shown, with their textures; returns how many images were made anew.
@@ -270,6 +282,15 @@ fn same_lights(a: &crate::flat::Lights, b: &crate::flat::Lights) -> bool {
 
 fn first_camera(world: &mut hecs::World) -> Option<SceneKey> {
     world.query_mut::<(&SceneKey, &Camera)>().into_iter().map(|(key, _)| *key).min()
+}
+
+/// Places meshes that are in another structure now where they were before.
+fn rebuild_top(flat: &mut FlatScene) {
+    let mesh = |row: usize| &flat.meshes[flat.instances.mesh[row] as usize];
+    let placed = flat.accel.instances().iter().enumerate();
+    let references =
+        placed.map(|(row, one)| InstanceRef { blas: Arc::clone(&mesh(row).blas), ..one.clone() }).collect();
+    flat.accel = Accel::build(references);
 }
 
 /// Tells the tree which instances have a surface that not every ray stops at.

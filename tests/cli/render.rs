@@ -101,6 +101,38 @@ fn a_camera_that_is_not_there_is_bad_input_with_the_choice_of_those_that_are() {
     assert_eq!(folder.names(), ["scene.gltf"]);
 }
 
+/// Any structure renders, and `--stats` and `info` say which it was and what it cost.
+#[test]
+fn the_structure_asked_for_is_the_one_that_renders() {
+    let folder = Folder::new();
+    let scene = scene(&folder);
+    let pixels = |name: &str, options: &str| {
+        let out = folder.at(&format!("{name}.exr"));
+        let run = render(&scene, &[&out], &format!("--size 9x6 --spp 2 --json {options}")).expect(0);
+        let accel = serde_json::from_str::<Value>(&run.stdout).unwrap()["accel"].clone();
+        (film::read(&out).unwrap().0.rgb, accel)
+    };
+    let (want, accel) = pixels("default", "");
+    assert_eq!((&accel["name"], &accel["quality"], &accel["triangles"]), (&json!("bvh8"), &json!("good"), &json!(1)));
+    for key in ["build_seconds", "binary_seconds", "collapse_seconds", "bytes", "bytes_per_triangle"] {
+        assert!(accel[key].is_number(), "{key}: {accel}");
+    }
+    assert_eq!(pixels("fast", "--build-quality fast").1["quality"], "fast");
+    for name in ["bvh8", "bvh2", "kdtree", "octree", "bsp", "grid", "brute"] {
+        let (got, accel) = pixels(name, &format!("--accel {name}"));
+        assert!(got == want, "{name}");
+        assert_eq!(accel["name"], name);
+        assert_eq!(accel["bytes_per_triangle"], accel["bytes"].as_f64().unwrap(), "of one triangle");
+        assert_eq!(accel["binary_seconds"].is_null(), name != "bvh8");
+    }
+    // Row and corners.
+    assert_eq!(pixels("brute", "--accel brute").1["bytes"], 40);
+    let info = wavecast(["info", &scene, "--accel", "brute", "--json"]).expect(0);
+    assert_eq!(serde_json::from_str::<Value>(&info.stdout).unwrap()["accel"]["bytes"], 40);
+    let text = wavecast(["info", &scene]).expect(0).stdout;
+    assert!(text.contains("structure of meshes: bvh8 (good), built in "), "{text}");
+}
+
 #[test]
 fn info_tells_of_the_file_and_its_needs() {
     let folder = Folder::new();

@@ -43,6 +43,10 @@ fn bad_usage_is_an_error_on_stderr_with_exit_code_2() {
         "render a.glb -o a.png --env sky.png",
         "render a.glb -o a.png --sampler halton",
         "render a.glb -o a.png --threads 0",
+        "render a.glb -o a.png --accel oak",
+        "render a.glb -o a.png --build-quality poor",
+        "render a.glb -o a.png --accel grid --build-quality best",
+        "info a.glb --accel brute --build-quality good",
         "compare a.png",
         "compare a.png b.png --max-relmse -1",
     ] {
@@ -52,13 +56,18 @@ fn bad_usage_is_an_error_on_stderr_with_exit_code_2() {
     }
 }
 
+#[test]
+fn a_quality_for_a_structure_that_has_none_is_an_error_that_says_what_to_do() {
+    let run = line("render a.glb -o a.png --accel kdtree --build-quality fast").expect(2);
+    run.says("--build-quality fast is for bvh8; kdtree is built in one way only, so leave it out");
+}
+
 /// Options that the program does not have yet are named, never ignored.
 #[test]
 fn options_and_subcommands_to_come_are_not_accepted_in_silence() {
     for option in [
         "--error 1%",
         "--integrator direct",
-        "--accel kdtree",
         "--variant red",
         "--at-time 1",
         "--checkpoint a.ckpt",

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use wavecast::{
-    render::Renderer,
+    render::{AccelKind, Quality, Renderer},
     world::{
-        Camera, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent, PointLight,
-        Scene, SceneKey, TriMesh, Visibility, units::Candela,
+        AlphaMode, Camera, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent,
+        PointLight, Scene, SceneKey, TriMesh, Visibility, units::Candela,
     },
 };
 
@@ -209,6 +209,61 @@ fn hiding_and_despawning_take_an_object_out() {
             s.scene.despawn(s.object);
         },
         &["transforms", "geometry", "textures", "materials", "instances"],
+    );
+}
+
+/// Another structure, or another quality of the same, and back: the trees are made anew and nothing else.
+#[test]
+fn another_structure_rebuilds_the_trees_alone() {
+    let mut stage = stage();
+    let settings = settings(24, 2);
+    let want = stage.renderer.render(&settings, &()).picture;
+    let columns = |renderer: &Renderer| renderer.scene().meshes.iter().map(|mesh| mesh.positions.as_ptr()).collect();
+    let bytes = |renderer: &Renderer| renderer.scene().meshes[0].blas.bytes();
+    let before: Vec<_> = columns(&stage.renderer);
+    let bytes_before = bytes(&stage.renderer);
+    let mut trees = Vec::new();
+    for accel in [AccelKind::KdTree, AccelKind::Bvh8(Quality::Best), AccelKind::Brute, AccelKind::default()] {
+        stage.renderer.accel = accel;
+        assert_eq!(stage.renderer.sync(&mut stage.scene).rebuilt, [("geometry", 2), ("instances", 2)], "{accel:?}");
+        assert_eq!(stage.renderer.sync(&mut stage.scene).rebuilt, [], "nothing changed since");
+        let after: Vec<_> = columns(&stage.renderer);
+        assert!(before == after, "{accel:?}: the vertices stayed where they were");
+        trees.push(bytes(&stage.renderer));
+        let flat = stage.renderer.scene();
+        for (one, mesh) in flat.accel.instances().iter().zip(&flat.instances.mesh) {
+            assert!(Arc::ptr_eq(&one.blas, &flat.meshes[*mesh as usize].blas), "{accel:?}: what is placed is new");
+        }
+        assert!(stage.renderer.render(&settings, &()).picture == want, "{accel:?}");
+    }
+    assert!(trees[0] != bytes_before && trees[2] != bytes_before && trees[0] != trees[2], "{trees:?}");
+    assert_eq!(trees[3], bytes_before);
+}
+
+/// With edits at the same time, the picture is still that of a fresh load.
+#[test]
+fn another_structure_and_edits_go_together() {
+    check_edit(
+        |s| {
+            s.renderer.accel = AccelKind::Octree;
+            s.scene.insert(s.object, LocalTransform::from_translation(DVec3::new(0.5, 0.0, 0.0)));
+        },
+        &["transforms", "geometry", "instances"],
+    );
+    check_edit(
+        |s| {
+            s.renderer.accel = AccelKind::Grid;
+            s.scene.insert(s.object, Geometry(Arc::new(TriMesh::cuboid(Vec3::splat(-0.5), Vec3::splat(0.5)))));
+        },
+        &["geometry", "textures", "materials", "instances"],
+    );
+    check_edit(
+        |s| {
+            s.renderer.accel = AccelKind::Bvh2;
+            let clear = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.5, ..Material::default() };
+            s.scene.insert(s.paint, clear);
+        },
+        &["geometry", "textures", "materials", "instances"],
     );
 }
 

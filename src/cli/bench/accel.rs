@@ -5,8 +5,8 @@ use std::{fmt::Write as _, fs, path::Path, sync::Arc, time::Instant};
 use serde_json::{Value, json};
 use wavecast::{
     accel::{
-        Accel, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Rays, Solid,
-        Structure, Work,
+        Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Rays,
+        Solid, Structure, Work,
     },
     load::{self, LoadOptions},
     render::Renderer,
@@ -22,8 +22,6 @@ use crate::cli::{Outcome, console::Console, error::CliError};
 const WAVE: usize = 2048;
 /// Triangles times rays that brute force is asked about, for the others to be checked against.
 const CHECKED: usize = 1_000_000_000;
-/// The wave through the eight-wide tree, which is what renders.
-const DEFAULT: &str = Blas::NAME;
 
 /// What the ray meets: row of the triangle and distance; for rays that are only asked whether, 0 and 0.
 type Answer = Option<(u32, f32)>;
@@ -162,7 +160,8 @@ fn single<S: Structure + 'static>() -> (&'static str, Build) {
 /// All structures by name, the default first.
 fn structures() -> [(&'static str, Build); 7] {
     [
-        (DEFAULT, |triangles| Box::new(Waves::build(triangles))),
+        // Waves through the eight-wide tree, which is what renders unless another is asked for.
+        (AccelKind::default().name(), |triangles| Box::new(Waves::build(triangles))),
         single::<Bvh2>(),
         single::<KdTree>(),
         single::<Octree>(),

@@ -1,0 +1,323 @@
+//! One mesh in the structure chosen for it.
+//!
+//! The eight-wide tree is the one that waves of rays go through, and which the top level looks into; its memory is read
+//! without asking which structure it is. The others are asked ray by ray.
+
+use std::time::{Duration, Instant};
+
+use obvhs::aabb::Aabb;
+use rayon::prelude::*;
+
+use super::{
+    Brute, Bsp, Bvh2, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit,
+    bvh8::{Bvh8, LEAF, Quality},
+    space::{Bounds, blurred, covered},
+    triangle::{Block, has_area},
+};
+use crate::simd::LANES;
+
+/// The structure that triangles are put into. All give the same hits, bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccelKind {
+    /// Boxes, eight to a node; the fastest.
+    Bvh8(Quality),
+    /// Boxes, two to a node.
+    Bvh2,
+    /// Space halved by planes across the axes.
+    KdTree,
+    /// Cubes cut into eight.
+    Octree,
+    /// Space halved by planes of any direction.
+    Bsp,
+    /// Equal boxes.
+    Grid,
+    /// None: every triangle is tested.
+    Brute,
+}
+
+impl Default for AccelKind {
+    fn default() -> Self {
+        Self::Bvh8(Quality::Good)
+    }
+}
+
+impl AccelKind {
+    /// All of them, the default first.
+    pub const ALL: [Self; 7] =
+        [Self::Bvh8(Quality::Good), Self::Bvh2, Self::KdTree, Self::Octree, Self::Bsp, Self::Grid, Self::Brute];
+
+    /// As the command line calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bvh8(_) => "bvh8",
+            Self::Bvh2 => Bvh2::NAME,
+            Self::KdTree => KdTree::NAME,
+            Self::Octree => Octree::NAME,
+            Self::Bsp => Bsp::NAME,
+            Self::Grid => Grid::NAME,
+            Self::Brute => Brute::NAME,
+        }
+    }
+}
+
+/// Rays against the triangles of one mesh, in its local space.
+#[derive(Clone, Debug)]
+pub struct Blas {
+    /// The eight-wide tree; without nodes if the triangles are in another structure.
+    pub(super) tree: Bvh8,
+    /// The other structure, in its place.
+    pub(super) other: Option<Other>,
+    pub(super) bounds: Aabb,
+    /// Triangles with an area.
+    triangles: usize,
+    build_time: Duration,
+}
+
+impl Default for Blas {
+    fn default() -> Self {
+        Self {
+            tree: Bvh8::default(),
+            other: None,
+            bounds: Aabb::empty(),
+            triangles: 0,
+            build_time: Duration::default(),
+        }
+    }
+}
+
+impl Blas {
+    /// In the default structure, over triangles given by their corners, which must be finite. Those without area are
+    /// left out.
+    pub fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
+        Self::build_as(AccelKind::default(), triangles)
+    }
+
+    /// [`Blas::build`], in the structure asked for.
+    pub fn build_as(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Self {
+        let start = Instant::now();
+        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
+        let covered = covered(&whole);
+        let bounds_of = |corners: &[[f32; 3]; 3]| {
+            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
+            Aabb::new(lower.into(), upper.into())
+        };
+        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
+        let mut blas = Self {
+            // Of all structures alike: the size of the scene is found by it.
+            bounds: boxes.iter().fold(Aabb::empty(), |all, one| all.union(one)),
+            triangles: boxes.iter().filter(|one| one.valid()).count(),
+            ..Self::default()
+        };
+        if let AccelKind::Bvh8(quality) = kind {
+            blas.tree = Bvh8::build(&boxes, quality, LANES, |rows, arena| {
+                // In order of rows, so that the block does not depend on how the tree came to it.
+                rows.sort_unstable();
+                let own: Vec<_> = rows.iter().map(|&row| (row, triangles[row as usize])).collect();
+                LEAF | Block::store(&own, arena)
+            });
+        } else {
+            drop(boxes);
+            blas.other = Other::build(kind, triangles);
+        }
+        blas.build_time = start.elapsed();
+        blas
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.tree.bytes() + self.other.as_ref().map_or(0, Other::bytes)
+    }
+
+    /// Triangles held in leaves or cells; more than there are where space is divided and not the objects.
+    pub fn references(&self) -> usize {
+        self.other.as_ref().map_or(self.triangles, Other::references)
+    }
+
+    /// Time that building took. Meshes are built at the same time, so the times of several may overlap.
+    pub fn build_time(&self) -> Duration {
+        self.build_time
+    }
+
+    /// The part of [`Blas::build_time`] in which boxes were paired, before the pairs were collapsed to eight boxes to a
+    /// node; `None` if this is not an eight-wide tree.
+    pub fn binary_time(&self) -> Option<Duration> {
+        self.other.is_none().then_some(self.tree.binary_time)
+    }
+
+    /// Lowest and highest corner; lowest above highest if there is no triangle.
+    pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
+        (self.bounds.min.to_array(), self.bounds.max.to_array())
+    }
+
+    /// What the top level refers to, if there is anything: a node or a leaf of the eight-wide tree. Other structures are
+    /// a leaf to it, which it cannot open.
+    pub(super) fn root(&self) -> Option<u32> {
+        if self.other.is_some() { self.bounds.valid().then_some(LEAF) } else { self.tree.root }
+    }
+}
+
+/// A structure other than the eight-wide tree.
+#[derive(Clone, Debug)]
+pub(super) enum Other {
+    Bvh2(Bvh2),
+    KdTree(KdTree),
+    Octree(Octree),
+    Bsp(Bsp),
+    Grid(Grid),
+    Brute(Brute),
+}
+
+/// Does the same with whichever structure it is.
+macro_rules! whichever {
+    ($other:expr, $structure:ident => $what:expr) => {
+        match $other {
+            Other::Bvh2($structure) => $what,
+            Other::KdTree($structure) => $what,
+            Other::Octree($structure) => $what,
+            Other::Bsp($structure) => $what,
+            Other::Grid($structure) => $what,
+            Other::Brute($structure) => $what,
+        }
+    };
+}
+
+impl Other {
+    /// `None` for the eight-wide tree, which is none of these.
+    fn build(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Option<Self> {
+        Some(match kind {
+            AccelKind::Bvh8(_) => return None,
+            AccelKind::Bvh2 => Self::Bvh2(Bvh2::build(triangles)),
+            AccelKind::KdTree => Self::KdTree(KdTree::build(triangles)),
+            AccelKind::Octree => Self::Octree(Octree::build(triangles)),
+            AccelKind::Bsp => Self::Bsp(Bsp::build(triangles)),
+            AccelKind::Grid => Self::Grid(Grid::build(triangles)),
+            AccelKind::Brute => Self::Brute(Brute::build(triangles)),
+        })
+    }
+
+    fn bytes(&self) -> usize {
+        whichever!(self, structure => structure.bytes())
+    }
+
+    fn references(&self) -> usize {
+        whichever!(self, structure => structure.references())
+    }
+
+    /// As [`Structure::nearest`].
+    pub fn nearest(&self, ray: &Ray, best: &mut Nearest, accept: impl Fn(u32, &TriangleHit) -> bool) {
+        whichever!(self, structure => structure.nearest(ray, best, accept, &mut ()));
+    }
+
+    /// As [`Structure::occluded`].
+    pub fn occluded(&self, ray: &Ray, t_max: f32, accept: impl Fn(u32, &TriangleHit) -> bool) -> bool {
+        whichever!(self, structure => structure.occluded(ray, t_max, accept, &mut ()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+    use super::*;
+    use crate::{
+        accel::{
+            Accel, Coverage, Hit, InstanceRef, NO_HIT, Solid, family,
+            tests::{Sieve, Wave, placed},
+        },
+        flat::NONE,
+    };
+
+    /// As [`placed`], but anyhow.
+    fn turned(blas: &Arc<Blas>, world_from_local: DAffine3) -> InstanceRef {
+        let rows = |m: DAffine3| -> [f32; 12] {
+            let [x, y, z, w] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
+            std::array::from_fn(|i| [x, y, z, w][i % 4][i / 4] as f32)
+        };
+        let [world_from_local, local_from_world] = [world_from_local, world_from_local.inverse()].map(rows);
+        InstanceRef { blas: Arc::clone(blas), world_from_local, local_from_world, identity: false, check: false }
+    }
+
+    /// Meshes in a structure: where they were made, moved, turned and stretched, mirrored, in the same place twice, and
+    /// one that is empty. Every other one is asked about its coverage.
+    fn scene(kind: AccelKind) -> Vec<InstanceRef> {
+        let [soup, torus, twice, none] = [
+            family::soup(400, 0.3, 21),
+            family::torus(24, 16),
+            [family::soup(30, 0.5, 22), family::soup(30, 0.5, 22)].concat(),
+            Vec::new(),
+        ]
+        .map(|triangles| Arc::new(Blas::build_as(kind, &triangles)));
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -3.0).normalize(), 0.7);
+        let stretch = DMat3::from_quat(turn) * DMat3::from_diagonal(DVec3::new(1.5, 0.4, 0.9));
+        let mirror = DMat3::from_quat(turn.inverse()) * DMat3::from_diagonal(DVec3::new(-1.0, 0.7, 1.1));
+        let at = |linear: DMat3, x: f64, y: f64, z: f64| DAffine3 { matrix3: linear, translation: DVec3::new(x, y, z) };
+        let mut instances = vec![
+            placed(&torus, 1.0, 0.0),
+            placed(&none, 1.0, 0.0),
+            turned(&torus, at(stretch, 1.0, -0.5, 0.3)),
+            turned(&soup, at(mirror, 0.5, 0.2, -1.0)),
+            placed(&soup, -2.0, 0.5),
+            placed(&twice, 1.0, 0.0),
+            placed(&twice, 1.0, 0.0),
+            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
+            turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
+            placed(&torus, 1.0, 0.0),
+        ];
+        instances.iter_mut().step_by(2).for_each(|one| one.check = true);
+        instances
+    }
+
+    /// Answers to all rays: what each meets, and whether it meets anything.
+    fn answers<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) -> Vec<(Hit, bool)> {
+        let mut answers = vec![(NO_HIT, false); wave.0.len()];
+        accel.nearest_of(wave, coverage, |index, hit| answers[index].0 = *hit);
+        accel.occluded_of(wave, coverage, |index, occluded| answers[index].1 = occluded);
+        answers
+    }
+
+    #[test]
+    fn placed_meshes_are_hit_alike_in_every_structure() {
+        // Rays through all of the scene, some of which end within it.
+        let corners = [-3.0, 3.0].map(|x| [[x; 3], [x, x, -x], [x, -x, -x]]);
+        let around = [family::torus(12, 8), corners.to_vec()].concat();
+        let ends = [f32::INFINITY, 0.8, f32::INFINITY, 1.3];
+        let rays = family::rays(&around, 6000, 23).into_iter().zip(ends.iter().cycle());
+        let wave = Wave(rays.map(|(ray, end)| (ray.origin, ray.direction, *end)).collect());
+        let accel = Accel::build(scene(AccelKind::default()));
+        let (solid, sieved) = (answers(&accel, &wave, &Solid), answers(&accel, &wave, &Sieve));
+        let hits = solid.iter().filter(|(hit, _)| hit.instance != NONE).count();
+        let through = solid.iter().zip(&sieved).filter(|(a, b)| a != b).count();
+        let instances = |row: u32| solid.iter().filter(|(hit, _)| hit.instance == row).count();
+        assert!(hits > 2000 && through > 300 && (0..5).all(|row| row == 1 || instances(row) > 50), "{hits} {through}");
+        assert_eq!(instances(6) + instances(8) + instances(9), 0, "of equal ones the first is hit");
+        for kind in AccelKind::ALL {
+            let other = Accel::build(scene(kind));
+            assert_eq!(other.bounds(), accel.bounds());
+            assert_eq!(other.others, kind != AccelKind::default(), "{}", kind.name());
+            let got = [answers(&other, &wave, &Solid), answers(&other, &wave, &Sieve)];
+            for (got, want) in got.iter().zip([&solid, &sieved]) {
+                for (index, (got, want)) in got.iter().zip(want).enumerate() {
+                    assert_eq!(got, want, "{}: ray {index} {:?}", kind.name(), wave.0[index]);
+                }
+            }
+        }
+    }
+
+    /// Structures may even be mixed.
+    #[test]
+    fn each_mesh_may_be_in_another_structure() {
+        let triangles = family::soup(300, 0.3, 24);
+        let scene = |kinds: &[AccelKind]| {
+            let place = |(i, kind): (usize, &AccelKind)| {
+                placed(&Arc::new(Blas::build_as(*kind, &triangles)), 1.0 + i as f32, 0.3)
+            };
+            Accel::build(kinds.iter().enumerate().map(place).collect())
+        };
+        let rays = family::rays(&triangles, 2000, 25).into_iter();
+        let wave = Wave(rays.map(|ray| (ray.origin, ray.direction, f32::INFINITY)).collect());
+        let [mixed, plain] = [AccelKind::ALL, [AccelKind::default(); 7]].map(|kinds| scene(&kinds));
+        assert!(answers(&mixed, &wave, &Sieve) == answers(&plain, &wave, &Sieve));
+    }
+}

@@ -32,11 +32,11 @@ pub(super) const KIND: u32 = LEAF | INSTANCE;
 
 /// Relative rounding error of the slab test's far distance: 1 + 2·γ₃ (Ize 2013, "Robust BVH Ray
 /// Traversal"), so that no box that holds a hit is passed by.
-const FAR_SCALE: f32 = 1.0 + 2.0 * (3.0 * f32::EPSILON / 2.0) / (1.0 - 3.0 * f32::EPSILON / 2.0);
+pub(super) const FAR_SCALE: f32 = 1.0 + 2.0 * (3.0 * f32::EPSILON / 2.0) / (1.0 - 3.0 * f32::EPSILON / 2.0);
 
 /// How much nearer boxes count than they are, so that rounding which puts a hit just before its box does not hide it behind
 /// an equal one. Less than what shadow rays leave out before a light, whose box they would enter.
-const NEAR_SCALE: f32 = 1.0 - 4.0 * f32::EPSILON;
+pub(super) const NEAR_SCALE: f32 = 1.0 - 4.0 * f32::EPSILON;
 
 /// Cost of a leaf in units of that of a node: instructions of their steps, measured.
 const LEAF_COST: f32 = 1.2;

@@ -16,8 +16,10 @@ mod grid;
 mod kdtree;
 mod octree;
 mod queue;
+pub mod slab;
 mod space;
 mod structure;
+pub mod textbook;
 mod triangle;
 mod two_level;
 

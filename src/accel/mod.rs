@@ -22,6 +22,7 @@ mod structure;
 pub mod textbook;
 mod triangle;
 mod two_level;
+pub mod watertight;
 
 pub use self::{
     brute::Brute,

@@ -10,6 +10,7 @@ mod brute;
 mod bsp;
 mod bvh2;
 mod bvh8;
+mod closed;
 #[cfg(test)]
 mod family;
 mod grid;

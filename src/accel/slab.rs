@@ -16,12 +16,12 @@ use super::{
 /// 6/2²⁴ farther, so that the order of the two is never turned.
 #[inline(always)]
 pub fn distances(lower: [f32; 3], upper: [f32; 3], ray: &Ray, t_max: f32) -> (f32, f32) {
-    let planes = [lower, upper];
+    let plane = |side: usize, axis: usize| [lower, upper][side][axis];
     let (mut near, mut far) = (0.0, f32::INFINITY);
     for axis in 0..3 {
         let side = ray.negative[axis];
-        let enter = (planes[side][axis] - ray.origin[axis]) * ray.inverse[axis];
-        let leave = (planes[1 - side][axis] - ray.origin[axis]) * ray.inverse[axis];
+        let enter = (plane(side, axis) - ray.origin[axis]) * ray.inverse[axis];
+        let leave = (plane(1 - side, axis) - ray.origin[axis]) * ray.inverse[axis];
         // In this order the NaN of a ray in a slab's plane changes nothing.
         near = if enter > near { enter } else { near };
         far = if leave < far { leave } else { far };
@@ -81,28 +81,19 @@ mod tests {
         /// True if the ray meets the closed box whose faces are moved outwards by `grown`/2²⁴ of their distance: exactly.
         fn meets(&self, grown: i128) -> bool {
             const ONE: i128 = 1 << 24;
-            // Where slabs are entered and left: numerators over `speed`.
-            let (mut enter, mut leave, mut speed) = ([0; 3], [0; 3], [0; 3]);
-            for axis in 0..3 {
+            // Where slabs are entered and left, over the speed across. Of a ray along a slab, whose speed is zero, the
+            // comparisons below say whether it is in it.
+            let slabs: [[i128; 3]; 3] = std::array::from_fn(|axis| {
                 let (origin, d) = (whole(self.origin[axis]), whole(self.direction[axis]));
                 let (below, above) = (whole(self.lower[axis]) - origin, whole(self.upper[axis]) - origin);
-                if d == 0 {
-                    if below > 0 || above < 0 {
-                        return false;
-                    }
-                    continue;
-                }
-                let (first, last) = if d > 0 { (below, above) } else { (-above, -below) };
-                enter[axis] = first * ONE - first.abs() * grown;
-                leave[axis] = last * ONE + last.abs() * grown;
-                speed[axis] = d.abs();
-                let ends = self.t_max < f32::INFINITY;
-                if leave[axis] < 0 || ends && enter[axis] * (1 << 30) > whole(self.t_max) * speed[axis] * ONE {
-                    return false;
-                }
-            }
-            let moves = |axis: &usize| speed[*axis] != 0;
-            (0..3).filter(moves).all(|a| (0..3).filter(moves).all(|b| enter[a] * speed[b] <= leave[b] * speed[a]))
+                let (first, last) = if d < 0 { (-above, -below) } else { (below, above) };
+                [first * ONE - first.abs() * grown, last * ONE + last.abs() * grown, d.abs()]
+            });
+            let ahead = |[enter, leave, speed]: &[i128; 3]| {
+                *leave >= 0 && (self.t_max == f32::INFINITY || enter * (1 << 30) <= whole(self.t_max) * speed * ONE)
+            };
+            let in_order = |[enter, _, a]: &[i128; 3]| slabs.iter().all(|[_, leave, b]| enter * b <= leave * a);
+            slabs.iter().all(ahead) && slabs.iter().all(in_order)
         }
 
         /// The same in other units: exactly, as these are powers of two.
@@ -129,7 +120,7 @@ mod tests {
 
         /// One of `count`.
         fn pick(&mut self, count: u64) -> usize {
-            ((self.bits() >> 32) * count >> 32) as usize
+            (((self.bits() >> 32) * count) >> 32) as usize
         }
 
         /// In [-2, 3]: whole, or of 24 significant bits at three magnitudes.
@@ -158,8 +149,9 @@ mod tests {
             }
             // At a corner, an edge, a face, the inside, anything.
             let mut target = anywhere;
-            for axis in 0..self.pick(4) {
-                target[axis] = [lower, upper][self.pick(2)][axis];
+            let fixed = self.pick(4);
+            for (axis, x) in target.iter_mut().enumerate().take(fixed) {
+                *x = [lower, upper][self.pick(2)][axis];
             }
             if self.pick(2) == 0 {
                 target = std::array::from_fn(|i| target[i].clamp(lower[i], upper[i]));

@@ -66,9 +66,9 @@ pub fn counted<T>(work: impl FnOnce() -> T) -> (T, Operations) {
     (result, TALLY.get())
 }
 
-fn tally(note: impl FnOnce(&mut Operations)) {
+fn tally(kind: impl FnOnce(&mut Operations) -> &mut u32) {
     let mut tally = TALLY.get();
-    note(&mut tally);
+    *kind(&mut tally) += 1;
     TALLY.set(tally);
 }
 
@@ -88,7 +88,7 @@ impl Scalar for Counted {
 impl Add for Counted {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        tally(|tally| tally.additions += 1);
+        tally(|tally| &mut tally.additions);
         Self(self.0 + other.0)
     }
 }
@@ -96,7 +96,7 @@ impl Add for Counted {
 impl Sub for Counted {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        tally(|tally| tally.additions += 1);
+        tally(|tally| &mut tally.additions);
         Self(self.0 - other.0)
     }
 }
@@ -104,7 +104,7 @@ impl Sub for Counted {
 impl Mul for Counted {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        tally(|tally| tally.multiplications += 1);
+        tally(|tally| &mut tally.multiplications);
         Self(self.0 * other.0)
     }
 }
@@ -112,21 +112,21 @@ impl Mul for Counted {
 impl Div for Counted {
     type Output = Self;
     fn div(self, other: Self) -> Self {
-        tally(|tally| tally.divisions += 1);
+        tally(|tally| &mut tally.divisions);
         Self(self.0 / other.0)
     }
 }
 
 impl PartialEq for Counted {
     fn eq(&self, other: &Self) -> bool {
-        tally(|tally| tally.comparisons += 1);
+        tally(|tally| &mut tally.comparisons);
         self.0 == other.0
     }
 }
 
 impl PartialOrd for Counted {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        tally(|tally| tally.comparisons += 1);
+        tally(|tally| &mut tally.comparisons);
         self.0.partial_cmp(&other.0)
     }
 }

@@ -15,9 +15,11 @@ mod closed;
 mod family;
 mod grid;
 mod kdtree;
+mod obb;
 mod octree;
 mod queue;
 pub mod slab;
+pub mod slanted;
 mod space;
 mod structure;
 pub mod textbook;
@@ -32,6 +34,7 @@ pub use self::{
     bvh8::Quality,
     grid::Grid,
     kdtree::KdTree,
+    obb::Obb,
     octree::Octree,
     queue::{RayList, Rays},
     structure::{Counters, Nearest, Structure, Work},

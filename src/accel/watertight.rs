@@ -112,7 +112,7 @@ mod tests {
 
     use super::*;
     use crate::accel::closed::{SHORTEST, add, distance};
-    use crate::accel::{Blas, Bsp, Bvh2, Grid, InstanceRef, KdTree, Octree};
+    use crate::accel::{Blas, Bsp, Bvh2, Grid, InstanceRef, KdTree, Obb, Octree};
 
     /// Each edge belongs to two triangles, and the shortest is at least 64 units in the last place long.
     #[test]
@@ -169,6 +169,7 @@ mod tests {
         check_structure::<Octree>();
         check_structure::<Bsp>();
         check_structure::<Grid>();
+        check_structure::<Obb>();
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::{fmt::Write as _, fs, path::Path, sync::Arc, time::Instant};
 use serde_json::{Value, json};
 use wavecast::{
     accel::{
-        Accel, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Rays, Solid,
+        Accel, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList, Rays, Solid,
         Structure, Work,
     },
     load::{self, LoadOptions},
@@ -160,10 +160,11 @@ fn single<S: Structure + 'static>() -> (&'static str, Build) {
 }
 
 /// All structures by name, the default first.
-fn structures() -> [(&'static str, Build); 7] {
+fn structures() -> [(&'static str, Build); 8] {
     [
         (DEFAULT, |triangles| Box::new(Waves::build(triangles))),
         single::<Bvh2>(),
+        single::<Obb>(),
         single::<KdTree>(),
         single::<Octree>(),
         single::<Bsp>(),

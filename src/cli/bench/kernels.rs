@@ -5,7 +5,7 @@ use std::{fmt::Write as _, fs, hint::black_box, sync::Arc, time::Instant};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use wavecast::accel::{
-    Accel, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Octree, Ray, Structure, TriangleBlock,
+    Accel, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Obb, Octree, Ray, Structure, TriangleBlock,
     textbook::{
         Counted, Operations, Sheared, counted, moller_trumbore, moller_trumbore_corners, plane_and_inside, vector,
         watertight,
@@ -13,7 +13,7 @@ use wavecast::accel::{
     watertight::{Closed, OFFSETS, TESTS, Target, misses, misses_of_test, misses_of_waves},
 };
 
-use super::Args;
+use super::{Args, boxes};
 use crate::cli::{Outcome, console::Console, error::CliError};
 
 /// Rays at a time: enough to share out, few enough to hold.
@@ -108,10 +108,11 @@ fn waves(mesh: &Closed) -> Box<dyn Fn(&wavecast::accel::RayList) -> usize + Sync
 }
 
 /// Structures by name.
-fn structures() -> [(&'static str, Ask); 7] {
+fn structures() -> [(&'static str, Ask); 8] {
     [
         (<Blas as Structure>::NAME, Box::new(waves)),
         single::<Bvh2>(),
+        single::<Obb>(),
         single::<KdTree>(),
         single::<Octree>(),
         single::<Bsp>(),
@@ -155,16 +156,24 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
             leaks.extend(leaks_of(name, offset, &asks, rays));
         }
     }
+    console.note("upright and turned boxes");
+    let fits = boxes::measure(args);
     if let Some(folder) = &args.output {
-        for (name, text) in [("kernels.csv", costs_csv(&costs)), ("watertight.csv", leaks_csv(&leaks))] {
+        let files = [
+            ("kernels.csv", costs_csv(&costs)),
+            ("watertight.csv", leaks_csv(&leaks)),
+            ("boxes.csv", boxes::csv(&fits)),
+        ];
+        for (name, text) in files {
             let path = folder.join(name);
             fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
         }
     }
-    console.result(&table(&costs, &leaks), || {
+    console.result(&(table(&costs, &leaks) + &boxes::table(&fits)), || {
         json!({
             "tests": costs.iter().map(Cost::json).collect::<Vec<_>>(),
             "watertight": leaks.iter().map(Leak::json).collect::<Vec<_>>(),
+            "boxes": fits.iter().map(boxes::Fit::json).collect::<Vec<_>>(),
         })
     });
     Ok(Outcome::Done)

@@ -1,6 +1,7 @@
 //! `wavecast bench`: measurements that anyone can repeat.
 
 mod accel;
+mod boxes;
 mod kernels;
 mod rays;
 

@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use super::{
     Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup},
-    structure::asked_by_walking,
 };
 
 /// Triangles in a leaf at most. The builder makes fewer where its cost says so.
@@ -42,8 +41,8 @@ fn scattered(row: usize) -> f32 {
 
 /// A box and what is in it.
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    bounds: Bounds,
+pub(super) struct Node {
+    pub bounds: Bounds,
     /// Of a leaf its first triangle, else the first of two children side by side.
     first: u32,
     /// Triangles in a leaf; zero for others.
@@ -53,24 +52,44 @@ struct Node {
 /// A binary tree of boxes.
 #[derive(Clone, Debug)]
 pub struct Bvh2 {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// Leaf after leaf.
-    soup: Soup,
+    pub(super) soup: Soup,
     depth: usize,
 }
 
 impl Bvh2 {
-    /// Calls `leaf(first, count)` for the leaves that the ray may meet before `t_end`, near children first; `leaf`
-    /// returns the new `t_end`, below zero to end the walk.
+    /// Tests a node's box.
     #[inline(always)]
-    fn walk<C: Counters>(
+    fn beam(&self, ray: &Ray) -> impl Fn(u32, f32) -> (f32, f32) {
+        let beam = Beam::new(ray, &self.soup.bounds);
+        move |node, t_end| beam.within(&self.nodes[node as usize].bounds, t_end)
+    }
+
+    /// Indices of the triangles below a node.
+    pub(super) fn held(&self, node: u32) -> Vec<u32> {
+        let (mut held, mut pending) = (Vec::new(), vec![node]);
+        while let Some(index) = pending.pop() {
+            let Node { first, count, .. } = self.nodes[index as usize];
+            match count {
+                0 => pending.extend([first + 1, first]),
+                _ => held.extend(first..first + count),
+            }
+        }
+        held
+    }
+
+    /// Calls `leaf(positions)` for the leaves that the ray may meet before `t_end`, near children first; `leaf` returns the
+    /// new `t_end`, below zero to end the walk. `within` gives the distances from and up to which the ray is in a node's
+    /// box, within 0 to `t_end`.
+    #[inline(always)]
+    pub(super) fn walk<C: Counters>(
         &self,
-        ray: &Ray,
+        within: impl Fn(u32, f32) -> (f32, f32),
         mut t_end: f32,
         counters: &mut C,
         mut leaf: impl FnMut(std::ops::Range<u32>, &mut C) -> f32,
     ) {
-        let beam = Beam::new(ray, &self.soup.bounds);
         let mut ordinary = [(0.0, 0); DEPTH];
         let mut deep = Vec::new();
         let stack = if self.depth <= DEPTH {
@@ -82,7 +101,7 @@ impl Bvh2 {
         let mut top = 0;
         let Some(mut node) = self.nodes.first() else { return };
         counters.node();
-        let (from, to) = beam.within(&node.bounds, t_end);
+        let (from, to) = within(0, t_end);
         if from > to {
             return;
         }
@@ -91,7 +110,7 @@ impl Bvh2 {
                 let children = &self.nodes[node.first as usize..][..2];
                 let [(from_0, to_0), (from_1, to_1)] = [0, 1].map(|child| {
                     counters.node();
-                    beam.within(&children[child].bounds, t_end)
+                    within(node.first + child as u32, t_end)
                 });
                 match (from_0 <= to_0, from_1 <= to_1) {
                     (true, true) => {
@@ -194,7 +213,33 @@ impl Structure for Bvh2 {
         self.soup.triangles.len()
     }
 
-    asked_by_walking!();
+    fn nearest(
+        &self,
+        ray: &Ray,
+        best: &mut Nearest,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) {
+        self.walk(self.beam(ray), best.t, counters, |positions, counters| {
+            self.soup.nearest(positions, ray, best, &accept, counters);
+            best.t
+        });
+    }
+
+    fn occluded(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) -> bool {
+        let mut found = false;
+        self.walk(self.beam(ray), t_max, counters, |positions, counters| {
+            found = self.soup.occluded(positions, ray, t_max, &accept, counters);
+            if found { -1.0 } else { t_max }
+        });
+        found
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::{f32::consts::TAU, sync::Arc};
 
 use super::{
-    Accel, Blas, Brute, Bsp, Bvh2, Counters, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Solid,
+    Accel, Blas, Brute, Bsp, Bvh2, Counters, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList, Solid,
     Structure, TriangleHit, Work,
     space::{Bounds, Soup, overlaps},
 };
@@ -308,6 +308,7 @@ fn every_structure_finds_exactly_what_brute_force_finds() {
     check_agrees_with_brute_force::<Grid>();
     check_agrees_with_brute_force::<Octree>();
     check_agrees_with_brute_force::<Bsp>();
+    check_agrees_with_brute_force::<Obb>();
 }
 
 /// The same of waves through the eight-wide tree, whose rays are in flight together.

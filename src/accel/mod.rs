@@ -19,19 +19,25 @@ mod brute;
 mod bsp;
 mod bvh2;
 mod bvh8;
+mod closed;
 #[cfg(test)]
 mod family;
 mod grid;
 mod kdtree;
 mod mesh;
+mod obb;
 mod octree;
 mod open;
 mod polytope;
 mod queue;
+pub mod slab;
+pub mod slanted;
 mod space;
 mod structure;
+pub mod textbook;
 mod triangle;
 mod two_level;
+pub mod watertight;
 
 pub use self::{
     brute::Brute,
@@ -41,6 +47,7 @@ pub use self::{
     grid::Grid,
     kdtree::KdTree,
     mesh::{AccelKind, Blas},
+    obb::Obb,
     octree::Octree,
     queue::{RayList, Rays},
     structure::{Counters, Nearest, Structure, Work},

@@ -211,6 +211,13 @@ pub(super) fn margin(ray: &Ray, bounds: &Bounds) -> f32 {
 }
 
 impl Beam {
+    /// Between two rays: that which comes to planes first and that which comes last; one over each component of their
+    /// direction, and 1 for those that are negative.
+    #[inline(always)]
+    pub fn between(early: [f32; 3], late: [f32; 3], inverse: [f32; 3], negative: [usize; 3]) -> Self {
+        Self { early, late, inverse, negative }
+    }
+
     /// For triangles within bounds.
     #[inline(always)]
     pub fn new(ray: &Ray, bounds: &Bounds) -> Self {

@@ -28,6 +28,7 @@ fn bad_usage_is_an_error_on_stderr_with_exit_code_2() {
         "bench speed scenes/cornell.gltf",
         "bench accel scenes/cornell.gltf --accel oak",
         "bench accel scenes/cornell.gltf --runs 0",
+        "bench kernels --accel oak",
         "render",
         "render a.glb",
         "render a.glb -o",

@@ -5,7 +5,7 @@ use std::{fmt::Write as _, fs, path::Path, sync::Arc, time::Instant};
 use serde_json::{Value, json};
 use wavecast::{
     accel::{
-        Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Octree, Ray, RayList, Rays,
+        Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList, Rays,
         Solid, Structure, Work,
     },
     load::{self, LoadOptions},
@@ -158,11 +158,12 @@ fn single<S: Structure + 'static>() -> (&'static str, Build) {
 }
 
 /// All structures by name, the default first.
-fn structures() -> [(&'static str, Build); 7] {
+fn structures() -> [(&'static str, Build); 8] {
     [
         // Waves through the eight-wide tree, which is what renders unless another is asked for.
         (AccelKind::default().name(), |triangles| Box::new(Waves::build(triangles))),
         single::<Bvh2>(),
+        single::<Obb>(),
         single::<KdTree>(),
         single::<Octree>(),
         single::<Bsp>(),

@@ -1,6 +1,8 @@
 //! `wavecast bench`: measurements that anyone can repeat.
 
 mod accel;
+mod boxes;
+mod kernels;
 mod rays;
 
 use std::path::PathBuf;
@@ -14,8 +16,8 @@ pub struct Args {
     /// What is measured
     #[arg(value_name = "WHAT")]
     what: What,
-    /// Scenes, .gltf or .glb
-    #[arg(value_name = "SCENE", required = true)]
+    /// Scenes, .gltf or .glb; kernels are measured without
+    #[arg(value_name = "SCENE", required_if_eq("what", "accel"))]
     scenes: Vec<PathBuf>,
     /// Folder for tables (CSV); made if it is not there
     #[arg(short, long, value_name = "DIR")]
@@ -26,7 +28,8 @@ pub struct Args {
     /// Structures, by name [default: all but brute force, which is what the others are checked against]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     accel: Vec<String>,
-    /// Rays of the first kind, from the camera; the others are about as many
+    /// accel: rays of the first kind, from the camera; the others are about as many. kernels: rays at vertices and rays at
+    /// edges, for each structure and place
     #[arg(long, value_name = "N", default_value_t = 65_536, value_parser = clap::value_parser!(u32).range(64..))]
     rays: u32,
 }
@@ -35,11 +38,14 @@ pub struct Args {
 enum What {
     /// Acceleration structures: rays per second, build time, memory, work per ray
     Accel,
+    /// Ray-triangle tests: their cost, and whether rays slip through between triangles
+    Kernels,
 }
 
 /// Measures.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     match args.what {
         What::Accel => accel::run(args, console),
+        What::Kernels => kernels::run(args, console),
     }
 }

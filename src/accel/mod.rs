@@ -30,7 +30,7 @@ pub use self::{
     kdtree::KdTree,
     octree::Octree,
     queue::{RayList, Rays},
-    structure::{Counters, Nearest, Structure, Work},
+    structure::{Cell, Counters, Nearest, Shape, Structure, Work},
     triangle::{Ray, TriangleBlock, TriangleHit, intersect},
     two_level::{Accel, Blas, Hit, InstanceRef, NO_HIT, Stacks},
 };

@@ -42,10 +42,10 @@ pub trait Rays {
 }
 
 /// Rays in a list, all of one name: start, direction, end in units of the direction.
-#[derive(Clone, Debug, Default)]
-pub struct RayList(pub Vec<([f32; 3], [f32; 3], f32)>);
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RayList<'a>(pub &'a [([f32; 3], [f32; 3], f32)]);
 
-impl Rays for RayList {
+impl Rays for RayList<'_> {
     fn count(&self) -> usize {
         self.0.len()
     }

@@ -10,7 +10,7 @@ use super::{
     bvh8::{Bvh8, INSTANCE, KIND, LEAF, Node, Quality, Stack, bounds_of},
     queue,
     space::{Bounds, blurred, covered},
-    structure::{Counters, Nearest, Structure},
+    structure::{Cell, Counters, Nearest, Shape, Structure},
     triangle::{BlockHit, Ray, TriangleBlock, TriangleHit, has_area},
 };
 use crate::{flat::NONE, simd::LANES};
@@ -74,6 +74,23 @@ impl Structure for Blas {
 
     fn references(&self) -> usize {
         self.references
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = self.tree.root.map(|root| (root, self.bounds, 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((reference, bounds, depth)) = pending.pop() {
+            let arena = self.tree.arena.granules();
+            let leaf = reference & KIND == LEAF;
+            let rows = || TriangleBlock::at(arena, reference & !KIND);
+            let held = leaf.then(|| (0..LANES).filter(|&lane| rows().row(lane) != NONE).count());
+            let (lower, upper) = (bounds.min.to_array(), bounds.max.to_array());
+            visit(Cell { depth, held, shape: Shape::Box { lower, upper } });
+            if !leaf {
+                let children = Node::at(arena, reference).boxes();
+                pending.extend(children.map(|(bounds, child)| (child, bounds, depth + 1)));
+            }
+        }
     }
 
     /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].

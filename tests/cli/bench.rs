@@ -58,7 +58,7 @@ fn generated_scenes_grow_until_builds_take_too_long() {
         assert!(row["over_embree"].is_null(), "{row}");
     }
     assert_eq!(result["stopped"].as_array().unwrap().len(), 2 * 2);
-    assert_eq!(folder.names(), ["growth-foliage.svg", "growth-hall.svg", "growth.csv"]);
+    assert_eq!(folder.names(), ["growth-foliage.svg", "growth-hall.svg", "growth.csv", "growth.md"]);
     line("bench accel scenes/cornell.gltf --growth").expect(2).says("cannot grow");
 }
 

@@ -29,6 +29,7 @@ fn bad_usage_is_an_error_on_stderr_with_exit_code_2() {
         "bench accel scenes/cornell.gltf --accel oak",
         "bench accel scenes/cornell.gltf --runs 0",
         "bench accel hall:many",
+        "bench accel hall:1e3 --view 1,2,3",
         "bench accel hall:1e3 --scaling 0",
         "bench accel hall:1e3 --slice y",
         "bench accel hall:1e3 --draw . --slice w",

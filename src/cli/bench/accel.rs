@@ -10,7 +10,7 @@ use super::{
     contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
     draw, growth, plot,
     rays::{Batch, Corners, batches},
-    report::{PEERS, Row, Spread, csv, table},
+    report::{PEERS, Row, Spread, csv, markdown, table},
     subject::Subject,
     truth::{Truth, answers_of},
 };
@@ -76,7 +76,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     }
     let mut rows = Vec::new();
     for source in &args.scenes {
-        let subject = Subject::new(source, console)?;
+        let subject = Subject::new(source, args.view, console)?;
         let first = rows.len();
         rows.extend(measure(&subject, &settings.chosen, &settings, console)?);
         if let Some(folder) = &args.output {
@@ -85,7 +85,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
             plot::bars(&folder.join(format!("accel-{}.svg", Subject::file_name(&subject.name))), &bars)?;
         }
     }
-    report(&rows, "accel.csv", &[], args.output.as_deref(), &settings, console)
+    report(&rows, "accel", &[], args.output.as_deref(), &settings, console)
 }
 
 /// Writes the tables, and fails if a structure of ours was wrong.
@@ -98,8 +98,10 @@ pub fn report(
     console: &mut Console,
 ) -> Result<Outcome, CliError> {
     if let Some(folder) = folder {
-        let path = folder.join(file);
-        fs::write(&path, csv(rows)).map_err(|source| CliError::Output { path, source })?;
+        for (ending, text) in [("csv", csv(rows)), ("md", markdown(rows, settings.peers_are.as_deref()))] {
+            let path = folder.join(file).with_extension(ending);
+            fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
+        }
     }
     let lines = settings.peers_are.iter().cloned().chain([table(rows)]).chain(stopped.iter().cloned());
     console.result(&lines.collect::<Vec<_>>().join("\n"), || {
@@ -229,7 +231,7 @@ mod tests {
 
     fn measured(chosen: Vec<Choice>) -> Vec<Row> {
         let mut console = Console::new(true, false);
-        let subject = Subject::new(&Source::Generated(Formula::Hall, 2000), &mut console).unwrap();
+        let subject = Subject::new(&Source::Generated(Formula::Hall, 2000), None, &mut console).unwrap();
         let peers: Peers = Box::new(|_| Ok(Vec::new()));
         let settings = Settings { chosen, peers, peers_are: None, runs: 1, rays: 2048, scaling: vec![1, 2] };
         measure(&subject, &settings.chosen, &settings, &console).unwrap()

@@ -42,7 +42,7 @@ pub fn slice(text: &str) -> Result<Slice, String> {
 pub fn run(folder: &Path, args: &Args, settings: &Settings, console: &mut Console) -> Result<Outcome, CliError> {
     let mut written = Vec::new();
     for source in &args.scenes {
-        let subject = Subject::new(source, console)?;
+        let subject = Subject::new(source, args.view, console)?;
         let plane = Plane::new(args.slice.unwrap_or(Slice { axis: 2, at: None }), &subject.triangles);
         for (name, build) in &settings.chosen {
             let path = folder.join(format!("{}-{name}.svg", Subject::file_name(&subject.name)));

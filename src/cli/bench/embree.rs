@@ -4,6 +4,7 @@
 //! room is left where newer versions of it, or builds with several levels of instances, write more.
 
 use std::{
+    error::Error as _,
     ffi::{CString, c_char, c_int, c_uint, c_void},
     fs,
     path::{Path, PathBuf},
@@ -171,7 +172,10 @@ fn open(path: &Path) -> Result<Api, CliError> {
     } else {
         path.to_owned()
     };
-    let failed = |error: libloading::Error| problem(format!("cannot be opened as Embree 4: {error}"));
+    let failed = |error: libloading::Error| {
+        let cause = error.source().map_or_else(|| error.to_string(), ToString::to_string);
+        problem(format!("cannot be opened as Embree 4: {cause}"))
+    };
     // Wheels bring the library that it needs under a name that the system does not know.
     if let Some(threads) = file.parent().and_then(|folder| find(folder, "tbb")) {
         open_for_all(&threads).map_err(failed)?;

@@ -23,7 +23,7 @@ pub fn run(args: &Args, settings: &Settings, console: &mut Console) -> Result<Ou
         let mut going = settings.chosen.clone();
         let mut last = HashMap::new();
         for &triangles in &args.growth {
-            let subject = Subject::new(&Source::Generated(*formula, triangles), console)?;
+            let subject = Subject::new(&Source::Generated(*formula, triangles), args.view, console)?;
             let (goes_on, stops) = divide(going, &last, subject.triangles.len(), args.build_limit);
             stopped.extend(stops.iter().map(|stop| format!("{}: {stop}", formula.name())));
             going = goes_on;
@@ -37,7 +37,7 @@ pub fn run(args: &Args, settings: &Settings, console: &mut Console) -> Result<Ou
             plot::growth(&folder.join(format!("growth-{}.svg", formula.name())), &lines)?;
         }
     }
-    report(&rows, "growth.csv", &stopped, args.output.as_deref(), settings, console)
+    report(&rows, "growth", &stopped, args.output.as_deref(), settings, console)
 }
 
 /// Those that are to be built over so many triangles, and a word on those that are not. No build takes less than in

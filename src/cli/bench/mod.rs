@@ -14,7 +14,10 @@ mod truth;
 
 use std::{num::NonZeroUsize, path::PathBuf};
 
-use self::{draw::Slice, subject::Source};
+use self::{
+    draw::Slice,
+    subject::{Source, View},
+};
 use super::{Outcome, console::Console, error::CliError};
 
 /// Measure parts of the program on this machine
@@ -33,7 +36,10 @@ pub struct Args {
     /// Scenes: .gltf, .glb, hall[:N], foliage[:N]
     #[arg(value_name = "SCENE", required = true, value_parser = subject::source)]
     scenes: Vec<Source>,
-    /// Folder for tables (CSV) and plots (SVG); made if it is not there
+    /// Look from one point to another, in metres, and not through the scene's camera
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = subject::view, allow_hyphen_values = true)]
+    view: Option<View>,
+    /// Folder for tables (CSV, Markdown) and plots (SVG); made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Times each figure is taken; the median counts [default: 5; in comparison with others 9]

@@ -144,3 +144,62 @@ pub fn table(rows: &[Row]) -> String {
     }
     text
 }
+
+/// For documents: by scene and number of threads a table of the structures and one of the ratios.
+pub fn markdown(rows: &[Row], compared_with: Option<&str>) -> String {
+    let mut text = compared_with.map(|peers| format!("Compared with {peers}.\n\n")).unwrap_or_default();
+    let same = |a: &Row, b: &Row| (&a.scene, a.triangles, a.threads) == (&b.scene, b.triangles, b.threads);
+    for part in rows.chunk_by(same) {
+        let first = &part[0];
+        let kinds: Vec<&str> = part.iter().filter(|row| row.accel == first.accel).map(|row| row.rays).collect();
+        let _ = writeln!(text, "{}: {} triangles, threads: {}\n", first.scene, first.triangles, first.threads);
+        let _ = writeln!(
+            text,
+            "| structure | {} | build s | bytes/tri | refs/tri | nodes/ray | tris/ray | mismatches |\n|---|{}",
+            kinds.join(" | "),
+            "---|".repeat(kinds.len() + 6)
+        );
+        for row in part.iter().filter(|row| row.rays == kinds[0]) {
+            let all: Vec<&Row> = part.iter().filter(|other| other.accel == row.accel).collect();
+            let of_kind = |kind: &&str| all.iter().find(|other| other.rays == *kind);
+            let speed =
+                |kind: &str| of_kind(&kind).map_or("–".into(), |row| format!("{:.2}", row.mrays_per_second.median));
+            let speeds: Vec<String> = kinds.iter().map(|kind| speed(kind)).collect();
+            let per_triangle = |x: usize| x as f64 / row.triangles.max(1) as f64;
+            // Over all kinds, each as much as it has rays.
+            let count: usize = all.iter().map(|row| row.count).sum();
+            let mean = |of: fn(&Row) -> Option<f64>| -> String {
+                let sum: Option<f64> = all.iter().map(|row| Some(of(row)? * row.count as f64)).sum();
+                sum.map_or("–".into(), |sum| format!("{:.1}", sum / count as f64))
+            };
+            let _ = writeln!(
+                text,
+                "| {} | {} | {:.2} | {:.0} | {} | {} | {} | {} |",
+                row.accel,
+                speeds.join(" | "),
+                row.build_seconds,
+                per_triangle(row.bytes),
+                row.references.map_or("–".into(), |references| format!("{:.2}", per_triangle(references))),
+                mean(|row| row.nodes_per_ray),
+                mean(|row| row.triangles_per_ray),
+                all.iter().map(|row| row.mismatches).sum::<usize>()
+            );
+        }
+        let ratios: Vec<&Row> = part.iter().filter(|row| row.accel == first.accel && row.over[0].is_some()).collect();
+        if !ratios.is_empty() {
+            let _ = writeln!(
+                text,
+                "\n| {} | over Embree fast | over robust | over packets |\n|---|---|---|---|",
+                first.accel
+            );
+            for row in ratios {
+                let ratio = |over: &Option<Spread>| {
+                    over.map_or("–".into(), |over| format!("{:.2} ({:.2}–{:.2})", over.median, over.min, over.max))
+                };
+                let _ = writeln!(text, "| {} | {} |", row.rays, row.over.each_ref().map(ratio).join(" | "));
+            }
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -4,16 +4,17 @@ use std::{fmt, path::PathBuf};
 
 use wavecast::{
     flat::CameraView,
+    glam::DVec3,
     load::{self, LoadOptions},
     render::Renderer,
     world::{
-        Scene,
+        Camera, LocalTransform, Scene,
         generated::{self, FOLIAGE, HALL},
     },
 };
 
 use super::rays::{Corners, world_triangles};
-use crate::cli::{console::Console, error::CliError};
+use crate::cli::{args, console::Console, error::CliError};
 
 /// Fewest triangles of a scene made by formula: fewer do not show what it is.
 pub const FEWEST: f64 = 1e3;
@@ -91,6 +92,28 @@ impl Source {
     }
 }
 
+/// Vertical field of view from a place that was given, rad.
+const VIEW: f32 = 1.0;
+
+/// From where to look, where the camera of the scene is not wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    eye: DVec3,
+    target: DVec3,
+}
+
+/// Six numbers: the eye and a point that it looks at, m.
+pub fn view(text: &str) -> Result<View, String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(args::finite).collect();
+    let point = |p: &[f32]| DVec3::new(p[0].into(), p[1].into(), p[2].into());
+    match numbers.as_deref() {
+        Ok(all @ [_, _, _, _, _, _]) if all[..3] != all[3..] => {
+            Ok(View { eye: point(&all[..3]), target: point(&all[3..]) })
+        }
+        _ => Err("expected two points, such as 0,1,0,1,1,0: the eye and what it looks at".into()),
+    }
+}
+
 /// A scene as rays see it.
 pub struct Subject {
     /// As tables call it.
@@ -103,8 +126,12 @@ pub struct Subject {
 
 impl Subject {
     /// Reads or makes the scene.
-    pub fn new(source: &Source, console: &mut Console) -> Result<Self, CliError> {
+    pub fn new(source: &Source, view: Option<View>, console: &mut Console) -> Result<Self, CliError> {
         let mut scene = source.scene(console)?;
+        if let Some(View { eye, target }) = view {
+            let pose = LocalTransform::looking_at(eye, target, DVec3::Y);
+            scene.active_camera = Some(scene.spawn((Camera::perspective(VIEW), pose)));
+        }
         let mut renderer = Renderer::new();
         renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));
         let scene = renderer.scene();
@@ -129,6 +156,10 @@ mod tests {
         assert_eq!(source("halls.glb"), Ok(Source::File("halls.glb".into())));
         for text in ["hall:", "hall:many", "hall:10", "foliage:1e9", "hall:nan"] {
             assert!(source(text).is_err(), "{text}");
+        }
+        assert_eq!(view("0,1,0,1,1,0"), Ok(View { eye: DVec3::Y, target: DVec3::new(1.0, 1.0, 0.0) }));
+        for text in ["", "0,1,0", "0,1,0,0,1,0", "0,1,0,1,1,x"] {
+            assert!(view(text).is_err(), "{text}");
         }
         assert_eq!(Subject::file_name("../scenes/a b.glb"), "a-b-glb");
     }

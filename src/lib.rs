@@ -58,7 +58,8 @@
 //! 8. Each field of a table or queue is declared once, by the macro in [`flat::soa`].
 //! 9. What a scene does not need costs it nothing: [`SceneNeeds`](flat::SceneNeeds) decides which stages
 //!    run, and counters prove it (skipping).
-//! 10. No `unsafe` code but a prefetch (layering, and the compiler).
+//! 10. No `unsafe` code but a prefetch and, in a benchmark of the program that few build, the functions of a foreign
+//!     library (layering, and the compiler).
 //!
 //! # Units
 //!

@@ -10,7 +10,7 @@
 use std::{iter::Copied, slice::Iter};
 
 use super::{
-    Counters, Nearest, Ray, Structure, TriangleHit,
+    Cell, Counters, Nearest, Ray, Shape, Structure, TriangleHit,
     kdtree::{DEPTH as KD_DEPTH, EMPTY, MOST_REFERENCES, PARALLEL, Part, VISIT, best_plane, depth_for, divide},
     polytope::{Polytope, cross, dot, length, minus},
     space::{Beam, Bounds, Polygon, Scissors, Soup, cut, margin},
@@ -369,6 +369,24 @@ impl Structure for Bsp {
 
     fn references(&self) -> usize {
         self.references.len()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = (!self.nodes.is_empty()).then(|| (0, Polytope::of_box(&self.soup.bounds), 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((index, cell, depth)) = pending.pop() {
+            let Node { kind, at, above }: Node = self.nodes[index as usize];
+            let held = (kind >= LEAF).then(|| (kind - LEAF) as usize);
+            visit(Cell { depth, held, shape: Shape::Convex(&cell.0) });
+            if held.is_none() {
+                let cut = match kind {
+                    ASKEW => Cut::Askew(self.planes[at as usize]),
+                    axis => Cut::Across(axis as usize, f32::from_bits(at)),
+                };
+                let [lower, upper] = cell.split(|p| cut.distance(&self.center, p));
+                pending.extend([(index + 1, lower, depth + 1), (above, upper, depth + 1)]);
+            }
+        }
     }
 
     asked_by_walking!();

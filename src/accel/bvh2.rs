@@ -15,7 +15,7 @@ use obvhs::{
 use rayon::prelude::*;
 
 use super::{
-    Counters, Nearest, Ray, Structure, TriangleHit,
+    Cell, Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup},
 };
 
@@ -44,9 +44,9 @@ fn scattered(row: usize) -> f32 {
 pub(super) struct Node {
     pub bounds: Bounds,
     /// Of a leaf its first triangle, else the first of two children side by side.
-    first: u32,
+    pub(super) first: u32,
     /// Triangles in a leaf; zero for others.
-    count: u32,
+    pub(super) count: u32,
 }
 
 /// A binary tree of boxes.
@@ -211,6 +211,17 @@ impl Structure for Bvh2 {
 
     fn references(&self) -> usize {
         self.soup.triangles.len()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let mut pending: Vec<_> = (!self.nodes.is_empty()).then_some((0, 0)).into_iter().collect();
+        while let Some((index, depth)) = pending.pop() {
+            let Node { bounds, first, count } = self.nodes[index as usize];
+            visit(bounds.cell(depth, (count > 0).then_some(count as usize)));
+            if count == 0 {
+                pending.extend([(first, depth + 1), (first + 1, depth + 1)]);
+            }
+        }
     }
 
     fn nearest(

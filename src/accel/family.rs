@@ -328,7 +328,7 @@ fn waves_find_exactly_what_brute_force_finds() {
         };
         let accel = Accel::build(vec![only]);
         let list: Vec<_> = rays(&triangles, 2000, 12).iter().map(|r| (r.origin, r.direction, f32::INFINITY)).collect();
-        let list = RayList(list);
+        let list = RayList(&list);
         let mut answered = 0;
         accel.nearest_of(&list, &Solid, |index, hit| {
             let (origin, direction, t_max) = list.0[index];

@@ -9,7 +9,7 @@ use std::iter::{Once, once};
 use rayon::prelude::*;
 
 use super::{
-    Counters, Nearest, Ray, Structure, TriangleHit,
+    Cell, Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, margin, overlaps},
     structure::asked_by_walking,
 };
@@ -322,6 +322,21 @@ impl Structure for Grid {
 
     fn references(&self) -> usize {
         self.references.len()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        if self.references.is_empty() {
+            return;
+        }
+        let counts = self.cells.counts;
+        let all = (0..counts[2]).flat_map(|z| (0..counts[1]).flat_map(move |y| (0..counts[0]).map(move |x| [x, y, z])));
+        for cell in all {
+            let index = self.cells.index(cell);
+            let held = (self.offsets[index + 1] - self.offsets[index]) as usize;
+            let lower = std::array::from_fn(|axis| self.cells.plane(axis, cell[axis]));
+            let upper = std::array::from_fn(|axis| self.cells.plane(axis, cell[axis] + 1));
+            visit(Bounds { lower, upper }.cell(0, Some(held)));
+        }
     }
 
     asked_by_walking!();

@@ -10,7 +10,7 @@ use std::{iter::Copied, slice::Iter};
 use rayon::prelude::*;
 
 use super::{
-    Counters, Nearest, Ray, Structure, TriangleHit,
+    Cell, Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Scissors, Soup},
     structure::asked_by_walking,
 };
@@ -315,6 +315,20 @@ impl Structure for KdTree {
 
     fn references(&self) -> usize {
         self.references.len()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = (!self.nodes.is_empty()).then_some((0, self.soup.bounds, 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((index, cell, depth)) = pending.pop() {
+            let node: Node = self.nodes[index as usize];
+            let kind = node.word & 3;
+            visit(cell.cell(depth, (kind == LEAF).then_some((node.word >> 2) as usize)));
+            if kind != LEAF {
+                let [below, above] = cell.split(kind as usize, node.at);
+                pending.extend([(index + 1, below, depth + 1), (node.word >> 2, above, depth + 1)]);
+            }
+        }
     }
 
     asked_by_walking!();

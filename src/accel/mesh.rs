@@ -9,8 +9,8 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::{
-    Brute, Bsp, Bvh2, Grid, KdTree, Nearest, Octree, Ray, Structure, TriangleHit,
-    bvh8::{Bvh8, LEAF, Quality},
+    Brute, Bsp, Bvh2, Cell, Counters, Grid, KdTree, Nearest, Octree, Ray, Shape, Structure, TriangleHit,
+    bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
@@ -153,6 +153,82 @@ impl Blas {
     /// a leaf to it, which it cannot open.
     pub(super) fn root(&self) -> Option<u32> {
         if self.other.is_some() { self.bounds.valid().then_some(LEAF) } else { self.tree.root }
+    }
+}
+
+/// The eight-wide tree as one of the family; nothing if the triangles are in another structure.
+impl Structure for Blas {
+    const NAME: &'static str = "bvh8";
+
+    fn build(triangles: &[[[f32; 3]; 3]]) -> Self {
+        Self::build(triangles)
+    }
+
+    fn bytes(&self) -> usize {
+        self.bytes()
+    }
+
+    fn references(&self) -> usize {
+        self.references()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = self.tree.root.map(|root| (root, self.bounds, 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((reference, bounds, depth)) = pending.pop() {
+            let arena = self.tree.arena.granules();
+            let leaf = reference & KIND == LEAF;
+            let held = leaf.then(|| Block::at(arena, reference & !KIND).count());
+            let (lower, upper) = (bounds.min.to_array(), bounds.max.to_array());
+            visit(Cell { depth, held, shape: Shape::Box { lower, upper } });
+            if !leaf {
+                let children = Node::at(arena, reference).boxes();
+                pending.extend(children.map(|(bounds, child)| (child, bounds, depth + 1)));
+            }
+        }
+    }
+
+    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
+    fn nearest(
+        &self,
+        ray: &Ray,
+        best: &mut Nearest,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) {
+        let arena = self.tree.arena.granules();
+        let (mut t_max, mut tested) = (best.t, 0);
+        self.tree.walk::<true>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
+            let block = Block::at(arena, block);
+            tested += LANES;
+            let met = block.intersect(ray, *t_max);
+            for lane in (0..LANES).filter(|lane| met.hits >> lane & 1 == 1) {
+                best.offer(block.row(lane), &met.hit(lane), &accept);
+            }
+            *t_max = best.t;
+            false
+        });
+        counters.triangles(tested);
+    }
+
+    fn occluded(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        accept: impl Fn(u32, &TriangleHit) -> bool,
+        counters: &mut impl Counters,
+    ) -> bool {
+        let arena = self.tree.arena.granules();
+        let (mut t_max, mut tested, mut found) = (t_max, 0, false);
+        self.tree.walk::<false>(self.tree.root, ray, &mut t_max, &mut Stack::default(), counters, |block, t_max| {
+            let block = Block::at(arena, block);
+            tested += LANES;
+            let met = block.intersect(ray, *t_max);
+            found = (0..LANES).any(|lane| met.hits >> lane & 1 == 1 && accept(block.row(lane), &met.hit(lane)));
+            found
+        });
+        counters.triangles(tested);
+        found
     }
 }
 

@@ -49,8 +49,8 @@ pub use self::{
     mesh::{AccelKind, Blas},
     obb::Obb,
     octree::Octree,
-    queue::{RayList, Rays},
-    structure::{Counters, Nearest, Structure, Work},
+    queue::{RayList, Rays, Segment},
+    structure::{Cell, Counters, Nearest, Shape, Structure, Work},
     triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
 };

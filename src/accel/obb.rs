@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 
 use super::{
-    Bvh2, Counters, Nearest, Ray, Structure, TriangleHit,
+    Bvh2, Cell, Counters, Nearest, Ray, Shape, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, margin},
 };
 
@@ -95,6 +95,19 @@ impl Turn {
         Bounds { lower: lower.map(|x| (x as f32).next_down()), upper: upper.map(|x| (x as f32).next_up()) }
     }
 
+    /// The corners of a box's faces, in the world, counter-clockwise seen from outside.
+    fn faces(&self, bounds: &Bounds) -> Vec<Vec<[f64; 3]>> {
+        let corner = |bits: usize| -> [f64; 3] {
+            let p: [f32; 3] = std::array::from_fn(|i| [bounds.lower, bounds.upper][bits >> i & 1][i]);
+            std::array::from_fn(|i| {
+                let turned: f64 = (0..3).map(|row| f64::from(self.rows[row][i]) * f64::from(p[row])).sum();
+                f64::from(self.center[i]) + turned
+            })
+        };
+        let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        faces.map(|face| face.map(corner).to_vec()).to_vec()
+    }
+
     /// The ray in this frame; `margin` is that of the ray in the world.
     #[inline(always)]
     fn beam(&self, ray: &Ray, margin: f32) -> Beam {
@@ -169,6 +182,23 @@ impl Structure for Obb {
             });
         }
         Self { tree, boxes, turns }
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = (!self.boxes.is_empty()).then_some((0, 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((index, depth)) = pending.pop() {
+            let (node, Oriented { bounds, turn }) = (&self.tree.nodes[index], self.boxes[index]);
+            let held = (node.count > 0).then_some(node.count as usize);
+            match self.turns.get(turn as usize) {
+                None => visit(bounds.cell(depth, held)),
+                Some(turn) => visit(Cell { depth, held, shape: Shape::Convex(&turn.faces(&bounds)) }),
+            }
+            if held.is_none() {
+                let first = node.first as usize;
+                pending.extend([(first, depth + 1), (first + 1, depth + 1)]);
+            }
+        }
     }
 
     fn bytes(&self) -> usize {

@@ -10,7 +10,7 @@ use std::{iter::Copied, slice::Iter};
 use rayon::prelude::*;
 
 use super::{
-    Counters, Nearest, Ray, Structure, TriangleHit,
+    Cell, Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, overlaps},
     structure::asked_by_walking,
 };
@@ -249,6 +249,30 @@ impl Structure for Octree {
 
     fn references(&self) -> usize {
         self.references.len()
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        let root = (!self.nodes.is_empty()).then(|| (0, cube_around(&self.soup.bounds), 0));
+        let mut pending: Vec<_> = root.into_iter().collect();
+        while let Some((index, cell, depth)) = pending.pop() {
+            let node: Node = self.nodes[index];
+            if node.filled == 0 {
+                let held = self.offsets[node.first as usize + 1] - self.offsets[node.first as usize];
+                visit(cell.cell(depth, Some(held as usize)));
+                continue;
+            }
+            visit(cell.cell(depth, None));
+            let mut child = node.first as usize;
+            for place in 0..8 {
+                let part = part_of(&cell, node.center, place);
+                if node.filled >> place & 1 == 1 {
+                    pending.push((child, part, depth + 1));
+                    child += 1;
+                } else {
+                    visit(part.cell(depth + 1, Some(0)));
+                }
+            }
+        }
     }
 
     asked_by_walking!();

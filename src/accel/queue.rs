@@ -47,18 +47,21 @@ pub trait Rays {
     fn id(&self, index: usize) -> u32;
 }
 
-/// Rays in a list, all of one name: start, direction, end in units of the direction.
-#[derive(Clone, Debug, Default)]
-pub struct RayList(pub Vec<([f32; 3], [f32; 3], f32)>);
+/// Start, direction, end in units of the direction.
+pub type Segment = ([f32; 3], [f32; 3], f32);
 
-impl Rays for RayList {
+/// Rays in a list, all of one name; the list may be borrowed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RayList<L = Vec<Segment>>(pub L);
+
+impl<L: AsRef<[Segment]>> Rays for RayList<L> {
     fn count(&self) -> usize {
-        self.0.len()
+        self.0.as_ref().len()
     }
 
     #[inline(always)]
-    fn ray(&self, index: usize) -> ([f32; 3], [f32; 3], f32) {
-        self.0[index]
+    fn ray(&self, index: usize) -> Segment {
+        self.0.as_ref()[index]
     }
 
     #[inline(always)]

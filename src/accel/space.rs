@@ -4,7 +4,7 @@
 //! divides space must look for it on both sides of a plane that is as near. This is decided by a [`Beam`] during the walk
 //! and not by fattening what is built, because the distance grows with that of the ray's origin.
 
-use super::{Counters, Nearest, Ray, TriangleHit, intersect, triangle::has_area};
+use super::{Cell, Counters, Nearest, Ray, Shape, TriangleHit, intersect, triangle::has_area};
 
 /// How far beside a triangle a hit may be, per distance from the ray's origin: 32 units in the last place.
 ///
@@ -68,6 +68,11 @@ impl Bounds {
     /// Lengths of the edges. In f64, because those of finite boxes may overflow.
     pub fn size(&self) -> [f64; 3] {
         std::array::from_fn(|axis| f64::from(self.upper[axis]) - f64::from(self.lower[axis]))
+    }
+
+    /// As a structure shows its cells.
+    pub fn cell(&self, depth: usize, held: Option<usize>) -> Cell<'static> {
+        Cell { depth, held, shape: Shape::Box { lower: self.lower, upper: self.upper } }
     }
 
     /// Both parts of a box divided by a plane.

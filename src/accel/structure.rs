@@ -35,6 +35,31 @@ impl Nearest {
     }
 }
 
+/// A region that a structure looks at as a whole: a part of space, or what encloses a set of triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<'a> {
+    /// Regions that this one is in.
+    pub depth: usize,
+    /// Triangles that a leaf refers to; `None` for what is divided further.
+    pub held: Option<usize>,
+    /// Where it is.
+    pub shape: Shape<'a>,
+}
+
+/// The shape of a [`Cell`].
+#[derive(Clone, Copy, Debug)]
+pub enum Shape<'a> {
+    /// Between two corners, the faces across the axes.
+    Box {
+        /// Lowest coordinates.
+        lower: [f32; 3],
+        /// Highest coordinates.
+        upper: [f32; 3],
+    },
+    /// A convex body by the corners of its faces.
+    Convex(&'a [Vec<[f64; 3]>]),
+}
+
 /// Counts the work of a walk; `()` counts nothing and compiles to nothing.
 pub trait Counters {
     /// A node, cell or plane was visited.
@@ -92,6 +117,9 @@ pub trait Structure: Send + Sync + Sized {
         counters: &mut impl Counters,
     );
 
+    /// Shows the regions that triangles are held in, for pictures; those of a structure without any are none.
+    fn cells(&self, _visit: &mut dyn FnMut(Cell)) {}
+
     /// True if the ray meets something up to `t_max` that is `accept`ed.
     fn occluded(
         &self,
@@ -139,3 +167,65 @@ macro_rules! asked_by_walking {
 }
 
 pub(super) use asked_by_walking;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{
+        Blas, Bsp, Bvh2, Grid, KdTree, Obb, Octree,
+        family::{soup, torus},
+    };
+
+    fn volume(shape: &Shape) -> f64 {
+        match shape {
+            Shape::Box { lower, upper } => (0..3).map(|axis| f64::from(upper[axis]) - f64::from(lower[axis])).product(),
+            Shape::Convex(faces) => {
+                let pyramid = |[a, b, c]: [&[f64; 3]; 3]| {
+                    a[0] * (b[1] * c[2] - b[2] * c[1])
+                        + a[1] * (b[2] * c[0] - b[0] * c[2])
+                        + a[2] * (b[0] * c[1] - b[1] * c[0])
+                };
+                let of_face = |face: &Vec<[f64; 3]>| -> f64 {
+                    face[1..].windows(2).map(|pair| pyramid([&face[0], &pair[0], &pair[1]]) / 6.0).sum()
+                };
+                faces.iter().map(of_face).sum()
+            }
+        }
+    }
+
+    /// Cells hold as many triangles as the structure refers to; those that divide space fill it, each level within the
+    /// one above.
+    #[track_caller]
+    fn check_cells<S: Structure>(divides_space: bool) {
+        for triangles in [torus(20, 12), soup(500, 0.1, 4), Vec::new()] {
+            let structure = S::build(&triangles);
+            let (mut held, mut leaves, mut whole, mut roots) = (0, 0.0, 0.0, 0);
+            structure.cells(&mut |cell| {
+                held += cell.held.unwrap_or(0);
+                leaves += if cell.held.is_some() { volume(&cell.shape) } else { 0.0 };
+                if cell.depth == 0 {
+                    whole += volume(&cell.shape);
+                    roots += 1;
+                }
+            });
+            assert_eq!(held, structure.references(), "{}", S::NAME);
+            assert_eq!(roots > 0, !triangles.is_empty(), "{}", S::NAME);
+            if divides_space {
+                assert!((leaves - whole).abs() <= 1e-5 * whole, "{}: {leaves} of {whole}", S::NAME);
+            } else if roots > 0 {
+                assert_eq!(roots, 1, "{}", S::NAME);
+            }
+        }
+    }
+
+    #[test]
+    fn cells_are_where_triangles_are_held() {
+        check_cells::<Grid>(true);
+        check_cells::<Octree>(true);
+        check_cells::<KdTree>(true);
+        check_cells::<Bsp>(true);
+        check_cells::<Bvh2>(false);
+        check_cells::<Obb>(false);
+        check_cells::<Blas>(false);
+    }
+}

@@ -3,7 +3,7 @@
 use wide::{f32x8, u32x8};
 
 use super::arena::Granule;
-use crate::simd::LANES;
+use crate::{flat::NONE, simd::LANES};
 
 /// A ray with what the watertight test needs: the axis it mostly runs along, and the shear that makes
 /// that axis its own.
@@ -386,6 +386,14 @@ impl<'a> Block<'a> {
             Self::Eight(TriangleBlock::at(arena, reference))
         } else {
             Self::Four(TriangleQuad::at(arena, reference & !QUAD))
+        }
+    }
+
+    /// Triangles in it.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Eight(block) => (0..TriangleBlock::MOST).filter(|&lane| block.row(lane) != NONE).count(),
+            Self::Four(block) => (0..TriangleQuad::MOST).filter(|&lane| block.row(lane) != NONE).count(),
         }
     }
 

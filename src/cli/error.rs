@@ -30,6 +30,16 @@ pub enum CliError {
     /// A folder or table that cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
     Output { path: PathBuf, source: std::io::Error },
+    /// A plot or drawing that did not come about.
+    #[error("{}: cannot be drawn: {problem}", path.display())]
+    Drawing { path: PathBuf, problem: String },
+    /// The answer of `bench accel` if a structure does not find what is there.
+    #[error("{scene}: {accel} gave a wrong answer to {mismatches} of {checked} {rays} rays; its times mean nothing")]
+    WrongHits { scene: String, accel: &'static str, rays: &'static str, mismatches: usize, checked: usize },
+    /// A library that cannot be used.
+    #[cfg(feature = "embree")]
+    #[error("{}: {problem}", path.display())]
+    Library { path: PathBuf, problem: String },
     /// The answer of `compare --max-relmse`.
     #[error("relmse {actual:.6e} exceeds {allowed:.6e} (--max-relmse)")]
     Exceeded { actual: f64, allowed: f64 },

@@ -7,6 +7,7 @@
 
 mod camera;
 mod emitter;
+pub mod generated;
 mod geometry;
 mod material;
 mod texture;

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{Folder, wavecast};
+use super::{Folder, line, wavecast};
 
 /// The keys and values of `bench accel --json`: each structure has answered all kinds of rays as brute force does, and
 /// divides what it should.
@@ -72,4 +72,45 @@ fn kernels_are_measured_and_watertight() {
     let lines = |name: &str| std::fs::read_to_string(folder.at(name)).unwrap().lines().count();
     assert_eq!((lines("kernels.csv"), lines("watertight.csv")), (tests.len() + 1, rows.len() + 1));
     assert_eq!(lines("boxes.csv"), boxes.len() + 1);
+}
+
+/// Scenes without files, sizes, threads, plots: rows for each, and a word on what was left out.
+#[test]
+fn generated_scenes_grow_until_builds_take_too_long() {
+    let folder = Folder::new();
+    let words =
+        "bench accel hall foliage --growth=1e3,2e3,4e3 --build-limit 1e-9 --accel bvh8,kdtree --rays 64 --runs 1";
+    let out = folder.at("");
+    let run = wavecast(words.split(' ').chain(["--scaling", "1,2", "--json", "-o", out.to_str().unwrap()])).expect(0);
+    let result: Value = serde_json::from_str(&run.stdout).unwrap();
+    let rows = result["rows"].as_array().unwrap();
+    // Two scenes, two structures, four kinds of rays, one and two threads; only the first size.
+    assert_eq!(rows.len(), 2 * 2 * 4 * 2);
+    for row in rows {
+        assert!((850.0..1150.0).contains(&row["triangles"].as_f64().unwrap()), "{row}");
+        assert_eq!(row["mismatches"], 0, "{row}");
+        assert!(row["over_embree"].is_null(), "{row}");
+    }
+    assert_eq!(result["stopped"].as_array().unwrap().len(), 2 * 2);
+    assert_eq!(folder.names(), ["growth-foliage.svg", "growth-hall.svg", "growth.csv", "growth.md"]);
+    line("bench accel scenes/cornell.gltf --growth").expect(2).says("cannot grow");
+}
+
+/// A picture for each structure with cells, none for brute force, and the cells are cut where they were to be.
+#[test]
+fn cells_of_structures_are_drawn() {
+    let folder = Folder::new();
+    let out = folder.at("");
+    let run = |more: &str| {
+        let words = ["bench", "accel", "hall:1e3", "--draw", out.to_str().unwrap()];
+        wavecast(words.into_iter().chain(more.split(' '))).expect(0)
+    };
+    run("--slice y=1.5");
+    let names = ["bsp", "bvh2", "bvh8", "grid", "kdtree", "obb", "octree"].map(|name| format!("hall-1000-{name}.svg"));
+    assert_eq!(folder.names(), names);
+    let drawn = || names.each_ref().map(|name| std::fs::read_to_string(folder.at(name)).unwrap());
+    let first = drawn();
+    assert!(first.iter().all(|svg| svg.matches("<polygon").count() > 10 && svg.ends_with("</svg>\n")));
+    run("--slice y=2.5");
+    assert!(first.iter().zip(drawn()).all(|(a, b)| *a != b));
 }

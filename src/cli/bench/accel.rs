@@ -1,384 +1,288 @@
 //! `wavecast bench accel`: every structure over the same triangles and the same rays.
 
-use std::{fmt::Write as _, fs, path::Path, sync::Arc, time::Instant};
+use std::{fs, path::Path, time::Instant};
 
+use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde_json::{Value, json};
-use wavecast::{
-    accel::{
-        Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList, Rays,
-        Solid, Structure, Work,
-    },
-    load::{self, LoadOptions},
-    render::Renderer,
-};
 
 use super::{
     Args,
-    rays::{Batch, Corners, batches, world_triangles},
+    contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
+    draw, growth, plot,
+    rays::{Batch, Corners, batches},
+    report::{PEERS, Row, Spread, csv, markdown, table},
+    subject::Subject,
+    truth::{Truth, answers_of},
 };
 use crate::cli::{Outcome, console::Console, error::CliError};
 
-/// Rays that a wave of the renderer has at hand.
-const WAVE: usize = 2048;
-/// Triangles times rays that brute force is asked about, for the others to be checked against.
-const CHECKED: usize = 1_000_000_000;
+/// Builds what the structures are compared with.
+pub type Peers = Box<dyn Fn(&[Corners]) -> Result<Vec<Built>, CliError>>;
 
-/// What the ray meets: row of the triangle and distance; for rays that are only asked whether, 0 and 0.
-type Answer = Option<(u32, f32)>;
-
-/// A structure over a scene's triangles, behind a pointer: its loops over rays are compiled for each kind.
-trait Contender {
-    fn bytes(&self) -> usize;
-    fn references(&self) -> usize;
-    fn answers(&self, batch: &Batch, into: &mut Vec<Answer>);
-    fn work(&self, batch: &Batch) -> Work;
+/// How to measure.
+pub struct Settings {
+    /// Structures.
+    pub chosen: Vec<Choice>,
+    /// What they are compared with.
+    pub peers: Peers,
+    /// What that is, in one line.
+    pub peers_are: Option<String>,
+    /// Times each figure is taken.
+    pub runs: u32,
+    /// Rays of each kind.
+    pub rays: u32,
+    /// Numbers of threads.
+    pub scaling: Vec<usize>,
 }
 
-/// Of those that are asked by one ray at a time.
-struct Single<S>(S);
+/// Times each figure is taken if nothing is said.
+const RUNS: u32 = 5;
+/// As above, where ratios with other programs are to be trusted.
+const RUNS_WITH_PEERS: u32 = 9;
 
-impl<S: Structure> Single<S> {
-    #[inline(always)]
-    fn ask(&self, batch: &Batch, counters: &mut impl wavecast::accel::Counters, mut done: impl FnMut(Answer)) {
-        for &(origin, direction, t_max) in &batch.rays.0 {
-            let ray = Ray::new(origin, direction);
-            if batch.any {
-                done(self.0.occluded(&ray, t_max, |_, _| true, counters).then_some((0, 0.0)));
-            } else {
-                let mut best = Nearest::none(t_max);
-                self.0.nearest(&ray, &mut best, |_, _| true, counters);
-                done((best.triangle != u32::MAX).then_some((best.triangle, best.t)));
-            }
+impl Settings {
+    fn new(args: &Args) -> Result<Self, CliError> {
+        let (peers, peers_are) = peers(args)?;
+        let runs = args.runs.unwrap_or(if peers_are.is_some() { RUNS_WITH_PEERS } else { RUNS });
+        let scaling = args.scaling.iter().map(|threads| threads.get()).collect();
+        Ok(Self { chosen: chosen(&args.accel)?, peers, peers_are, runs, rays: args.rays, scaling })
+    }
+}
+
+#[cfg(feature = "embree")]
+fn peers(args: &Args) -> Result<(Peers, Option<String>), CliError> {
+    match &args.embree {
+        Some(path) => super::embree::peers(path),
+        None => Ok((Box::new(|_| Ok(Vec::new())), None)),
+    }
+}
+
+#[cfg(not(feature = "embree"))]
+fn peers(_: &Args) -> Result<(Peers, Option<String>), CliError> {
+    Ok((Box::new(|_| Ok(Vec::new())), None))
+}
+
+/// Measures each scene and reports; or draws.
+pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
+    let settings = Settings::new(args)?;
+    for folder in args.output.iter().chain(&args.draw) {
+        fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
+    }
+    if let Some(folder) = &args.draw {
+        return draw::run(folder, args, &settings, console);
+    }
+    if !args.growth.is_empty() {
+        return growth::run(args, &settings, console);
+    }
+    let mut rows = Vec::new();
+    for source in &args.scenes {
+        let subject = Subject::new(source, args.view, console)?;
+        let first = rows.len();
+        rows.extend(measure(&subject, &settings.chosen, &settings, console)?);
+        if let Some(folder) = &args.output {
+            let threads = settings.scaling[0];
+            let bars: Vec<&Row> = rows[first..].iter().filter(|row| row.threads == threads).collect();
+            plot::bars(&folder.join(format!("accel-{}.svg", Subject::file_name(&subject.name))), &bars)?;
         }
     }
+    report(&rows, "accel", &[], args.output.as_deref(), &settings, console)
 }
 
-impl<S: Structure> Contender for Single<S> {
-    fn bytes(&self) -> usize {
-        self.0.bytes()
+/// Writes the tables, and fails if a structure of ours was wrong.
+pub fn report(
+    rows: &[Row],
+    file: &str,
+    stopped: &[String],
+    folder: Option<&Path>,
+    settings: &Settings,
+    console: &mut Console,
+) -> Result<Outcome, CliError> {
+    if let Some(folder) = folder {
+        for (ending, text) in [("csv", csv(rows)), ("md", markdown(rows, settings.peers_are.as_deref()))] {
+            let path = folder.join(file).with_extension(ending);
+            fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
+        }
     }
+    let lines = settings.peers_are.iter().cloned().chain([table(rows)]).chain(stopped.iter().cloned());
+    console.result(&lines.collect::<Vec<_>>().join("\n"), || {
+        let rows: Vec<Value> = rows.iter().map(|row| row.json().into()).collect();
+        json!({ "rows": rows, "compared_with": settings.peers_are, "stopped": stopped })
+    });
+    verdict(rows)
+}
 
-    fn references(&self) -> usize {
-        self.0.references()
-    }
-
-    fn answers(&self, batch: &Batch, into: &mut Vec<Answer>) {
-        into.clear();
-        self.ask(batch, &mut (), |answer| into.push(answer));
-    }
-
-    fn work(&self, batch: &Batch) -> Work {
-        let mut work = Work::default();
-        self.ask(batch, &mut work, |_| ());
-        work
+/// An error if a structure of ours gave a wrong answer: then its times mean nothing.
+fn verdict(rows: &[Row]) -> Result<Outcome, CliError> {
+    match rows.iter().find(|row| row.ours && row.mismatches > 0) {
+        None => Ok(Outcome::Done),
+        Some(row) => Err(CliError::WrongHits {
+            scene: row.scene.clone(),
+            accel: row.accel,
+            rays: row.rays,
+            mismatches: row.mismatches,
+            checked: row.checked,
+        }),
     }
 }
 
-/// The renderer's way: waves of rays through the eight-wide tree.
-struct Waves {
-    accel: Accel,
-    references: usize,
-}
-
-impl Waves {
-    fn build(triangles: &[Corners]) -> Self {
-        let blas = Blas::build(triangles);
-        let references = blas.references();
-        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let only = InstanceRef {
-            blas: Arc::new(blas),
-            world_from_local: identity,
-            local_from_world: identity,
-            identity: true,
-            check: false,
-        };
-        Self { accel: Accel::build(vec![only]), references }
+/// Builds all structures over one scene, holds their answers against the truth, and takes the time.
+pub fn measure(
+    subject: &Subject,
+    chosen: &[Choice],
+    settings: &Settings,
+    console: &Console,
+) -> Result<Vec<Row>, CliError> {
+    let triangles = &subject.triangles;
+    let batches = batches(&subject.view, triangles, &Waves::build(triangles).accel, settings.rays);
+    let mut built = Vec::new();
+    for (name, build) in chosen {
+        console.note(format!("{}: building {name} over {} triangles", subject.name, triangles.len()));
+        let start = Instant::now();
+        let structure = build(triangles);
+        built.push(Built { name, structure, seconds: start.elapsed().as_secs_f64() });
     }
-
-    fn ask(&self, batch: &Batch, counters: &mut impl wavecast::accel::Counters, into: &mut [Answer]) {
-        for (rays, into) in batch.rays.0.chunks(WAVE).zip(into.chunks_mut(WAVE)) {
-            let wave = Wave(rays);
-            if batch.any {
-                let done = |index: usize, occluded: bool| into[index] = occluded.then_some((0, 0.0));
-                self.accel.occluded_counted(&wave, &Solid, counters, done);
-            } else {
-                self.accel.nearest_counted(&wave, &Solid, counters, |index, hit| {
-                    into[index] = (hit.triangle != u32::MAX).then_some((hit.triangle, hit.t));
+    built.extend((settings.peers)(triangles)?);
+    let mut rows = Vec::new();
+    for batch in batches.iter().filter(|batch| !batch.rays.is_empty()) {
+        let takers: Vec<&Built> = built.iter().filter(|one| one.structure.takes(batch.kind)).collect();
+        let answers: Vec<_> = takers.iter().map(|one| answers_of(&*one.structure, batch)).collect();
+        let ours = takers.iter().filter(|one| one.structure.is_ours()).count();
+        let truth = Truth::find(triangles, batch, &answers[..ours]);
+        for &threads in &settings.scaling {
+            let seconds = times(&takers, batch, threads, settings.runs)?;
+            for (place, one) in takers.iter().enumerate() {
+                let count = batch.rays.len();
+                let work = one.structure.work(&batch.rays, batch.any);
+                rows.push(Row {
+                    scene: subject.name.clone(),
+                    triangles: triangles.len(),
+                    threads,
+                    accel: one.name,
+                    ours: one.structure.is_ours(),
+                    rays: batch.kind,
+                    count,
+                    mrays_per_second: Spread::of(seconds[place].iter().map(|s| count as f64 / s / 1e6).collect()),
+                    build_seconds: one.seconds,
+                    bytes: one.structure.bytes(),
+                    references: one.structure.references(),
+                    nodes_per_ray: work.map(|work| work.nodes as f64 / count as f64),
+                    triangles_per_ray: work.map(|work| work.triangles as f64 / count as f64),
+                    checked: truth.known(),
+                    mismatches: truth.mismatches(&*one.structure, &answers[place]),
+                    over: over(&takers, &seconds, place),
                 });
             }
         }
     }
+    rows.sort_by_key(|row| settings.scaling.iter().position(|&threads| threads == row.threads));
+    Ok(rows)
 }
 
-/// Part of a batch.
-struct Wave<'a>(&'a [([f32; 3], [f32; 3], f32)]);
-
-impl Rays for Wave<'_> {
-    fn count(&self) -> usize {
-        self.0.len()
-    }
-
-    #[inline(always)]
-    fn ray(&self, index: usize) -> ([f32; 3], [f32; 3], f32) {
-        self.0[index]
-    }
-
-    #[inline(always)]
-    fn id(&self, _: usize) -> u32 {
-        0
-    }
-}
-
-impl Contender for Waves {
-    fn bytes(&self) -> usize {
-        self.accel.instances()[0].blas.bytes()
-    }
-
-    fn references(&self) -> usize {
-        self.references
-    }
-
-    fn answers(&self, batch: &Batch, into: &mut Vec<Answer>) {
-        into.clear();
-        into.resize(batch.rays.0.len(), None);
-        self.ask(batch, &mut (), into);
-    }
-
-    fn work(&self, batch: &Batch) -> Work {
-        let mut work = Work::default();
-        self.ask(batch, &mut work, &mut vec![None; batch.rays.0.len()]);
-        work
-    }
-}
-
-type Build = fn(&[Corners]) -> Box<dyn Contender>;
-
-fn single<S: Structure + 'static>() -> (&'static str, Build) {
-    (S::NAME, |triangles| Box::new(Single(S::build(triangles))))
-}
-
-/// All structures by name, the default first.
-fn structures() -> [(&'static str, Build); 8] {
-    [
-        // Waves through the eight-wide tree, which is what renders unless another is asked for.
-        (AccelKind::default().name(), |triangles| Box::new(Waves::build(triangles))),
-        single::<Bvh2>(),
-        single::<Obb>(),
-        single::<KdTree>(),
-        single::<Octree>(),
-        single::<Bsp>(),
-        single::<Grid>(),
-        single::<Brute>(),
-    ]
-}
-
-/// Those asked for.
-fn chosen(names: &[String]) -> Result<Vec<(&'static str, Build)>, CliError> {
-    let all = structures();
-    if names.is_empty() {
-        return Ok(all.into_iter().filter(|(name, _)| *name != Brute::NAME).collect());
-    }
-    let find = |wanted: &String| {
-        all.iter().find(|(name, _)| name == wanted).copied().ok_or_else(|| {
-            let known = all.map(|(name, _)| name).join(", ");
-            CliError::Usage(format!("there is no structure {wanted:?}; there is {known}"))
-        })
-    };
-    names.iter().map(find).collect()
-}
-
-/// A built structure and what building it took.
-struct Built {
-    name: &'static str,
-    structure: Box<dyn Contender>,
-    seconds: f64,
-}
-
-/// One line of the table.
-struct Row {
-    scene: String,
-    triangles: usize,
-    accel: &'static str,
-    rays: &'static str,
-    count: usize,
-    mrays_per_second: f64,
-    build_seconds: f64,
-    bytes: usize,
-    references: usize,
-    nodes_per_ray: f64,
-    triangles_per_ray: f64,
-    checked: usize,
-    mismatches: usize,
-}
-
-const COLUMNS: [&str; 13] = [
-    "scene",
-    "triangles",
-    "accel",
-    "rays",
-    "count",
-    "mrays_per_second",
-    "build_seconds",
-    "bytes",
-    "references",
-    "nodes_per_ray",
-    "triangles_per_ray",
-    "checked",
-    "mismatches",
-];
-
-impl Row {
-    fn values(&self) -> [Value; 13] {
-        [
-            json!(self.scene),
-            json!(self.triangles),
-            json!(self.accel),
-            json!(self.rays),
-            json!(self.count),
-            json!(self.mrays_per_second),
-            json!(self.build_seconds),
-            json!(self.bytes),
-            json!(self.references),
-            json!(self.nodes_per_ray),
-            json!(self.triangles_per_ray),
-            json!(self.checked),
-            json!(self.mismatches),
-        ]
-    }
-
-    fn json(&self) -> Value {
-        COLUMNS.iter().map(|name| (*name).to_owned()).zip(self.values()).collect::<serde_json::Map<_, _>>().into()
-    }
-}
-
-/// Measures each scene and reports.
-pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
-    let chosen = chosen(&args.accel)?;
-    if let Some(folder) = &args.output {
-        fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
-    }
-    let mut rows = Vec::new();
-    for path in &args.scenes {
-        measure(path, args, &chosen, console, &mut rows)?;
-    }
-    if let Some(folder) = &args.output {
-        let path = folder.join("accel.csv");
-        fs::write(&path, csv(&rows)).map_err(|source| CliError::Output { path, source })?;
-    }
-    console.result(&table(&rows), || json!({ "rows": rows.iter().map(Row::json).collect::<Vec<_>>() }));
-    Ok(Outcome::Done)
-}
-
-fn measure(
-    path: &Path,
-    args: &Args,
-    chosen: &[(&'static str, Build)],
-    console: &mut Console,
-    rows: &mut Vec<Row>,
-) -> Result<(), CliError> {
-    let mut loaded = load::load(path, &LoadOptions::default())?;
-    loaded.warnings.iter().for_each(|warning| console.warn(warning));
-    let mut renderer = Renderer::new();
-    renderer.sync(&mut loaded.scene).warnings.iter().for_each(|warning| console.warn(warning));
-    let triangles = world_triangles(renderer.scene());
-    let view = renderer.scene().camera;
-    let waves = Waves::build(&triangles);
-    let batches = batches(&view, &triangles, &waves.accel, args.rays);
-    let built: Vec<Built> = chosen
-        .iter()
-        .map(|(name, build)| {
-            console.note(format!("{}: building {name} over {} triangles", path.display(), triangles.len()));
+/// Seconds that each took in each run. They take turns, so that whatever else the machine does falls upon all.
+fn times(takers: &[&Built], batch: &Batch, threads: usize, runs: u32) -> Result<Vec<Vec<f64>>, CliError> {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| CliError::Usage(format!("cannot start {threads} threads: {error}")))?;
+    let mut answers = vec![None; batch.rays.len()];
+    let mut seconds = vec![Vec::new(); takers.len()];
+    for _ in 0..runs {
+        for (one, seconds) in takers.iter().zip(&mut seconds) {
             let start = Instant::now();
-            let structure = build(&triangles);
-            Built { name, structure, seconds: start.elapsed().as_secs_f64() }
-        })
-        .collect();
-    let brute = Single(Brute::build(&triangles));
-    for batch in batches.iter().filter(|batch| !batch.rays.0.is_empty()) {
-        let count = batch.rays.0.len();
-        let sample = spread(batch, (CHECKED / triangles.len().max(1)).max(16));
-        let mut truth = Vec::new();
-        brute.answers(&sample, &mut truth);
-        let mut seconds = vec![Vec::new(); built.len()];
-        let mut answers = Vec::new();
-        // In turn, so that whatever else the machine does falls upon all.
-        for _ in 0..args.runs {
-            for (one, seconds) in built.iter().zip(&mut seconds) {
-                let start = Instant::now();
-                one.structure.answers(batch, &mut answers);
-                seconds.push(start.elapsed().as_secs_f64());
+            ask(&*one.structure, batch, (threads > 1).then_some(&pool), &mut answers);
+            seconds.push(start.elapsed().as_secs_f64());
+        }
+    }
+    Ok(seconds)
+}
+
+fn ask(structure: &dyn Contender, batch: &Batch, pool: Option<&ThreadPool>, answers: &mut [Answer]) {
+    let Some(pool) = pool else {
+        return structure.answers(&batch.rays, batch.any, answers);
+    };
+    pool.install(|| {
+        let pieces = batch.rays.par_chunks(WAVE).zip(answers.par_chunks_mut(WAVE));
+        pieces.for_each(|(rays, into)| structure.answers(rays, batch.any, into));
+    });
+}
+
+/// How much faster one is than each of [`PEERS`], by run.
+fn over(takers: &[&Built], seconds: &[Vec<f64>], place: usize) -> [Option<Spread>; 3] {
+    PEERS.map(|peer| {
+        let median = |place: &usize| Spread::of(seconds[*place].clone()).median;
+        let is_peer = |name: &str| match peer {
+            "embree_packet" => name.starts_with("embree-packet"),
+            _ => name.replace('-', "_") == peer,
+        };
+        let all = (0..takers.len()).filter(|&other| !takers[other].structure.is_ours() && is_peer(takers[other].name));
+        let best = all.min_by(|a, b| median(a).total_cmp(&median(b)))?;
+        let ratios = seconds[best].iter().zip(&seconds[place]).map(|(peer, one)| peer / one);
+        (best != place).then(|| Spread::of(ratios.collect()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use wavecast::accel::{Bvh2, Structure};
+
+    use super::*;
+    use crate::cli::bench::{
+        contender::{structures, tests::broken},
+        subject::{Formula, Source},
+    };
+
+    fn measured(chosen: Vec<Choice>) -> Vec<Row> {
+        let mut console = Console::new(true, false);
+        let subject = Subject::new(&Source::Generated(Formula::Hall, 2000), None, &mut console).unwrap();
+        let peers: Peers = Box::new(|_| Ok(Vec::new()));
+        let settings = Settings { chosen, peers, peers_are: None, runs: 1, rays: 2048, scaling: vec![1, 2] };
+        measure(&subject, &settings.chosen, &settings, &console).unwrap()
+    }
+
+    /// A structure that has lost triangles is found out, in all kinds of rays, whether there are others to compare it
+    /// with or not, and the others are not blamed.
+    #[test]
+    fn a_broken_structure_is_reported() {
+        for others in [0, 1, 6] {
+            let chosen = structures().into_iter().take(others).chain([broken::<Bvh2>()]).collect();
+            let rows = measured(chosen);
+            assert_eq!(rows.len(), (others + 1) * 4 * 2);
+            for row in &rows {
+                let wrong = row.accel == "lossy";
+                assert_eq!(row.mismatches > 0, wrong, "{} {}: {}", row.accel, row.rays, row.mismatches);
+                assert!(row.checked > 1000, "{}", row.checked);
+            }
+            assert!(matches!(verdict(&rows), Err(CliError::WrongHits { accel: "lossy", .. })));
+        }
+        assert!(verdict(&measured(structures().to_vec())).is_ok());
+    }
+
+    /// Over itself nothing is known, over the faster of the packets and over others by run.
+    #[test]
+    fn ratios_are_those_of_the_same_run() {
+        struct Peer(bool);
+        impl Contender for Peer {
+            fn bytes(&self) -> usize {
+                0
+            }
+            fn references(&self) -> Option<usize> {
+                None
+            }
+            fn answers(&self, _: &[super::super::rays::OneRay], _: bool, _: &mut [Answer]) {}
+            fn work(&self, _: &[super::super::rays::OneRay], _: bool) -> Option<wavecast::accel::Work> {
+                None
+            }
+            fn cells(&self, _: &mut dyn FnMut(wavecast::accel::Cell)) {}
+            fn is_ours(&self) -> bool {
+                self.0
             }
         }
-        for (one, seconds) in built.iter().zip(&mut seconds) {
-            seconds.sort_unstable_by(f64::total_cmp);
-            one.structure.answers(&sample, &mut answers);
-            let work = one.structure.work(batch);
-            rows.push(Row {
-                scene: path.display().to_string(),
-                triangles: triangles.len(),
-                accel: one.name,
-                rays: batch.kind,
-                count,
-                mrays_per_second: count as f64 / seconds[seconds.len() / 2] / 1e6,
-                build_seconds: one.seconds,
-                bytes: one.structure.bytes(),
-                references: one.structure.references(),
-                nodes_per_ray: work.nodes as f64 / count as f64,
-                triangles_per_ray: work.triangles as f64 / count as f64,
-                checked: truth.len(),
-                mismatches: truth.iter().zip(&answers).filter(|(want, got)| want != got).count(),
-            });
-        }
+        let names = [Bvh2::NAME, "embree", "embree-packet8", "embree-packet16"];
+        let built = names.map(|name| Built { name, structure: Box::new(Peer(name == Bvh2::NAME)), seconds: 0.0 });
+        let takers: Vec<&Built> = built.iter().collect();
+        let seconds = [vec![1.0, 2.0, 4.0], vec![2.0, 2.0, 2.0], vec![9.0; 3], vec![3.0; 3]];
+        let [fast, robust, packet] = over(&takers, &seconds, 0).map(|o| o.map(|o| (o.min, o.median, o.max)));
+        assert_eq!(fast, Some((0.5, 1.0, 2.0)));
+        assert_eq!(robust, None);
+        assert_eq!(packet, Some((0.75, 1.5, 3.0)));
+        assert!(over(&takers, &seconds, 1)[0].is_none());
     }
-    Ok(())
-}
-
-/// So many rays of a batch, from all over it.
-fn spread(batch: &Batch, most: usize) -> Batch {
-    let step = batch.rays.0.len().div_ceil(most).max(1);
-    Batch { kind: batch.kind, any: batch.any, rays: RayList(batch.rays.0.iter().copied().step_by(step).collect()) }
-}
-
-fn csv(rows: &[Row]) -> String {
-    let mut text = COLUMNS.join(",") + "\n";
-    for row in rows {
-        let values = row.values().map(|value| match value {
-            Value::String(text) if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Value::String(text) => text,
-            other => other.to_string(),
-        });
-        text += &(values.join(",") + "\n");
-    }
-    text
-}
-
-fn table(rows: &[Row]) -> String {
-    let mut text = String::new();
-    let mut scene = "";
-    for row in rows {
-        if row.scene != scene {
-            scene = &row.scene;
-            let _ = writeln!(text, "{scene}: {} triangles, one thread", row.triangles);
-            let _ = writeln!(
-                text,
-                "{:8} {:8} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>10}",
-                "rays", "accel", "Mrays/s", "build s", "bytes/tri", "refs/tri", "nodes/ray", "tris/ray", "mismatches"
-            );
-        }
-        let per_triangle = |x: usize| x as f64 / row.triangles.max(1) as f64;
-        let _ = writeln!(
-            text,
-            "{:8} {:8} {:9.3} {:8.3} {:9.1} {:9.2} {:9.1} {:9.1} {:>10}",
-            row.rays,
-            row.accel,
-            row.mrays_per_second,
-            row.build_seconds,
-            per_triangle(row.bytes),
-            per_triangle(row.references),
-            row.nodes_per_ray,
-            row.triangles_per_ray,
-            format!("{}/{}", row.mismatches, row.checked)
-        );
-    }
-    text
 }

@@ -75,7 +75,10 @@ pub fn measure(args: &Args) -> Vec<Fit> {
         [("hair", slanted::hair(1000)), ("railing", slanted::railing(1000)), ("crates", slanted::crates(2000))];
     let fits = meshes.iter().flat_map(|(mesh, triangles)| {
         let rays = slanted::rays(triangles, args.rays as usize, 1);
-        [fit::<Bvh2>(mesh, triangles, &rays, args.runs), fit::<Obb>(mesh, triangles, &rays, args.runs)]
+        [
+            fit::<Bvh2>(mesh, triangles, &rays, args.runs.unwrap_or(5)),
+            fit::<Obb>(mesh, triangles, &rays, args.runs.unwrap_or(5)),
+        ]
     });
     fits.collect()
 }

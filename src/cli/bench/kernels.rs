@@ -138,7 +138,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     if let Some(folder) = &args.output {
         fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
     }
-    let costs = costs(args.runs);
+    let costs = costs(args.runs.unwrap_or(5));
     let rays = args.rays as usize;
     let mut leaks = Vec::new();
     for (test, ask) in TESTS {

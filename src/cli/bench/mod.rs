@@ -2,36 +2,86 @@
 
 mod accel;
 mod boxes;
+mod contender;
+mod draw;
+#[cfg(feature = "embree")]
+mod embree;
+mod growth;
 mod kernels;
+mod plot;
 mod rays;
+mod report;
+mod subject;
+mod truth;
 
-use std::path::PathBuf;
+use std::{num::NonZeroUsize, path::PathBuf};
 
+use self::{
+    draw::Slice,
+    subject::{Source, View},
+};
 use super::{Outcome, console::Console, error::CliError};
 
 /// Measure parts of the program on this machine
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  wavecast bench accel scenes/gallery.glb -o results")]
+#[command(after_help = "Example:\n  wavecast bench accel hall foliage:1e5 scenes/gallery.glb -o results
+
+SCENE is a .gltf or .glb file, or one that is made on the spot, of about N triangles (1e3 to 1e7):
+  hall[:N]     a room with columns and statues; 1.1e6 if nothing is said
+  foliage[:N]  hills and trees, whose leaves overlap; 1e6 if nothing is said
+
+For times that can be trusted, let nothing else run, and pin the program to a core: taskset -c 0 wavecast bench …")]
 pub struct Args {
     /// What is measured
     #[arg(value_name = "WHAT")]
     what: What,
-    /// Scenes, .gltf or .glb; kernels are measured without
-    #[arg(value_name = "SCENE", required_if_eq("what", "accel"))]
-    scenes: Vec<PathBuf>,
-    /// Folder for tables (CSV); made if it is not there
+    /// Scenes: .gltf, .glb, hall[:N], foliage[:N]; kernels are measured without
+    #[arg(value_name = "SCENE", required_if_eq("what", "accel"), value_parser = subject::source)]
+    scenes: Vec<Source>,
+    /// Look from one point to another, in metres, and not through the scene's camera
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = subject::view, allow_hyphen_values = true)]
+    view: Option<View>,
+    /// Folder for tables (CSV, Markdown) and plots (SVG); made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Times each figure is taken; the median counts
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    runs: u32,
+    /// Times each figure is taken; the median counts [default: 5; in comparison with others 9]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    runs: Option<u32>,
     /// Structures, by name [default: all but brute force, which is what the others are checked against]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     accel: Vec<String>,
-    /// accel: rays of the first kind, from the camera; the others are about as many. kernels: rays at vertices and rays at
-    /// edges, for each structure and place
+    /// accel: rays of each kind; fewer where most leave the scene. kernels: rays at vertices and rays at edges, for each
+    /// structure and place
     #[arg(long, value_name = "N", default_value_t = 65_536, value_parser = clap::value_parser!(u32).range(64..))]
     rays: u32,
+    /// Numbers of threads that the rays are divided between, measured one after the other; structures are built by
+    /// --threads
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1")]
+    scaling: Vec<NonZeroUsize>,
+    /// Measure generated scenes in several sizes, in triangles [default: 1e3,1e4,1e5,1e6,1e7]
+    #[arg(
+        long,
+        value_name = "N",
+        value_delimiter = ',',
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "1e3,1e4,1e5,1e6,1e7",
+        value_parser = subject::triangles,
+    )]
+    growth: Vec<usize>,
+    /// With --growth: a structure stops before a build that would take longer
+    #[arg(long, value_name = "SECONDS", default_value_t = 120.0, requires = "growth")]
+    build_limit: f64,
+    /// Draw the cells or boxes of each structure, cut by a plane, into this folder, and measure nothing
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth"])]
+    draw: Option<PathBuf>,
+    /// Where --draw cuts: an axis, and the coordinate on it in metres, such as y=1.5 [default: the middle, across z]
+    #[arg(long, value_name = "AXIS[=M]", value_parser = draw::slice, requires = "draw")]
+    slice: Option<Slice>,
+    /// Compare with Embree 4: its library, or a folder that has it
+    #[cfg(feature = "embree")]
+    #[arg(long, value_name = "PATH")]
+    embree: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]

@@ -9,6 +9,9 @@ use wavecast::{
 /// A triangle by its corners, m.
 pub type Corners = [[f32; 3]; 3];
 
+/// A ray: start, direction, end in units of the direction.
+pub type OneRay = ([f32; 3], [f32; 3], f32);
+
 /// Rays of one kind.
 pub struct Batch {
     /// As `--json` calls it.
@@ -16,7 +19,7 @@ pub struct Batch {
     /// Only asked whether they meet anything.
     pub any: bool,
     /// The rays, in the order in which a path tracer comes to them.
-    pub rays: RayList,
+    pub rays: Vec<OneRay>,
 }
 
 /// All triangles of a scene where they stand in the world.
@@ -54,30 +57,47 @@ impl Numbers {
     }
 }
 
-/// Camera rays, rays after one and after three diffuse bounces, and rays towards random points. The kinds may be empty,
-/// if the camera sees nothing.
+/// Pictures that are looked at to get as many rays of every kind; where most light leaves the scene, some kinds have fewer.
+const PICTURES: usize = 16;
+
+/// So many camera rays, rays after one and after three diffuse bounces, and rays towards random points. The kinds may
+/// be empty, if the camera sees nothing.
 pub fn batches(view: &CameraView, triangles: &[Corners], accel: &Accel, count: u32) -> Vec<Batch> {
     let mut numbers = Numbers(1);
-    let primary = camera_rays(view, count, &mut numbers);
-    let bounce1 = bounced(triangles, accel, &primary, &mut numbers);
-    let bounce2 = bounced(triangles, accel, &bounce1, &mut numbers);
-    let bounce3 = bounced(triangles, accel, &bounce2, &mut numbers);
-    let shadow = shadow_rays(&bounce1, accel, &mut numbers);
-    [("primary", false, primary), ("bounce1", false, bounce1), ("bounce3", false, bounce3), ("shadow", true, shadow)]
-        .into_iter()
-        .map(|(kind, any, rays)| Batch { kind, any, rays })
-        .collect()
+    let mut kinds = [("primary", false), ("bounce1", false), ("bounce3", false), ("shadow", true)]
+        .map(|(kind, any)| Batch { kind, any, rays: Vec::new() });
+    for _ in 0..PICTURES {
+        let primary = camera_rays(view, count, &mut numbers);
+        let bounce1 = bounced(triangles, accel, &primary, &mut numbers);
+        let bounce2 = bounced(triangles, accel, &bounce1, &mut numbers);
+        let bounce3 = bounced(triangles, accel, &bounce2, &mut numbers);
+        let shadow = shadow_rays(&bounce1, accel, &mut numbers);
+        for (batch, rays) in kinds.iter_mut().zip([primary, bounce1, bounce3, shadow]) {
+            batch.rays.extend(rays);
+            batch.rays.truncate(count as usize);
+        }
+        if kinds.iter().all(|batch| batch.rays.len() == count as usize) {
+            break;
+        }
+    }
+    kinds.into()
 }
 
-/// Through random places of a 4:3 picture, by tiles of 8×8 pixels.
-fn camera_rays(view: &CameraView, count: u32, numbers: &mut Numbers) -> RayList {
+/// The even bits of a number, side by side.
+fn even_bits(bits: u32) -> u32 {
+    bits & 1 | bits >> 1 & 2 | bits >> 2 & 4
+}
+
+/// Through random places of a 4:3 picture, by tiles of 8×8 pixels, in them by 4×4, in those by 2×2: neighbours in the
+/// list are neighbours in the picture, whatever the size of a packet.
+fn camera_rays(view: &CameraView, count: u32, numbers: &mut Numbers) -> Vec<OneRay> {
     let tiles = count.div_ceil(64);
     let across = (f64::from(tiles) * 4.0 / 3.0).sqrt().ceil() as u32;
     let (width, height) = (f64::from(across * 8), f64::from(tiles.div_ceil(across) * 8));
     let ray = |i: u32, numbers: &mut Numbers| {
         let (tile, pixel) = (i / 64, i % 64);
-        let x = f64::from(tile % across * 8 + pixel % 8) + f64::from(numbers.next());
-        let y = f64::from(tile / across * 8 + pixel / 8) + f64::from(numbers.next());
+        let x = f64::from(tile % across * 8 + even_bits(pixel)) + f64::from(numbers.next());
+        let y = f64::from(tile / across * 8 + even_bits(pixel >> 1)) + f64::from(numbers.next());
         let (s, t) = ((2.0 * x - width) / height, 1.0 - 2.0 * y / height);
         let aside = s * view.right + t * view.up;
         let (origin, direction): (DVec3, DVec3) = match view.projection {
@@ -86,20 +106,20 @@ fn camera_rays(view: &CameraView, count: u32, numbers: &mut Numbers) -> RayList 
         };
         (origin.as_vec3().to_array(), direction.normalize().as_vec3().to_array(), f32::INFINITY)
     };
-    RayList((0..count).map(|i| ray(i, numbers)).collect())
+    (0..count).map(|i| ray(i, numbers)).collect()
 }
 
 /// What each ray meets first.
-fn hits(accel: &Accel, rays: &RayList) -> Vec<Hit> {
-    let mut hits = vec![NO_HIT; rays.0.len()];
-    accel.nearest_of(rays, &Solid, |index, hit| hits[index] = *hit);
+fn hits(accel: &Accel, rays: &[OneRay]) -> Vec<Hit> {
+    let mut hits = vec![NO_HIT; rays.len()];
+    accel.nearest_of(&RayList(rays), &Solid, |index, hit| hits[index] = *hit);
     hits
 }
 
 /// A cosine-distributed ray from each place that is hit.
-fn bounced(triangles: &[Corners], accel: &Accel, rays: &RayList, numbers: &mut Numbers) -> RayList {
-    let mut next = Vec::with_capacity(rays.0.len());
-    for (hit, &(_, direction, _)) in hits(accel, rays).iter().zip(&rays.0) {
+fn bounced(triangles: &[Corners], accel: &Accel, rays: &[OneRay], numbers: &mut Numbers) -> Vec<OneRay> {
+    let mut next = Vec::with_capacity(rays.len());
+    for (hit, &(_, direction, _)) in hits(accel, rays).iter().zip(rays) {
         let Some([a, b, c]) = triangles.get(hit.triangle as usize).map(|corners| corners.map(Vec3::from_array)) else {
             continue;
         };
@@ -112,15 +132,15 @@ fn bounced(triangles: &[Corners], accel: &Accel, rays: &RayList, numbers: &mut N
         next.push((origin.to_array(), out.normalize_or(normal).to_array(), f32::INFINITY));
     }
     next.retain(|(_, direction, _)| *direction != [0.0; 3]);
-    RayList(next)
+    next
 }
 
 /// From where rays start to points in the middle of the scene's box.
-fn shadow_rays(rays: &RayList, accel: &Accel, numbers: &mut Numbers) -> RayList {
+fn shadow_rays(rays: &[OneRay], accel: &Accel, numbers: &mut Numbers) -> Vec<OneRay> {
     let (lower, upper) = accel.bounds().unwrap_or(([0.0; 3], [1.0; 3]));
-    let ray = |&(origin, _, _): &([f32; 3], [f32; 3], f32)| {
+    let ray = |&(origin, _, _): &OneRay| {
         let target: [f32; 3] = std::array::from_fn(|i| lower[i] + (0.1 + 0.8 * numbers.next()) * (upper[i] - lower[i]));
         (origin, std::array::from_fn(|i| target[i] - origin[i]), 0.999)
     };
-    RayList(rays.0.iter().map(ray).filter(|(_, direction, _)| *direction != [0.0; 3]).collect())
+    rays.iter().map(ray).filter(|(_, direction, _)| *direction != [0.0; 3]).collect()
 }

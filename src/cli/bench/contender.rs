@@ -1,0 +1,255 @@
+//! What is measured: structures over a scene's triangles, each behind a pointer.
+
+use std::sync::Arc;
+
+use wavecast::accel::{
+    Accel, Blas, Brute, Bsp, Bvh2, Cell, Counters, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList,
+    Solid, Structure, Work,
+};
+
+use super::rays::{Corners, OneRay};
+use crate::cli::error::CliError;
+
+/// Rays that a wave of the renderer has at hand, and that a thread takes at a time.
+pub const WAVE: usize = 2048;
+
+/// What the ray meets: row of the triangle and distance; for rays that are only asked whether, 0 and 0.
+pub type Answer = Option<(u32, f32)>;
+
+/// A structure over a scene's triangles. Its loops over rays are compiled for each kind.
+pub trait Contender: Send + Sync {
+    /// Bytes held.
+    fn bytes(&self) -> usize;
+
+    /// References to triangles, where that can be known.
+    fn references(&self) -> Option<usize>;
+
+    /// What each ray meets, or only whether it meets `any`thing.
+    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]);
+
+    /// Nodes and triangles that all rays together came to, where that can be known.
+    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work>;
+
+    /// The regions that triangles are held in.
+    fn cells(&self, visit: &mut dyn FnMut(Cell));
+
+    /// True if the structure is part of what is measured; false for others that it is compared with.
+    fn is_ours(&self) -> bool {
+        true
+    }
+
+    /// True for what is made for rays of this kind.
+    fn takes(&self, _kind: &str) -> bool {
+        true
+    }
+
+    /// True if an answer is as good as the true one.
+    fn agrees(&self, truth: &Answer, answer: &Answer) -> bool {
+        truth == answer
+    }
+}
+
+/// Of those that are asked by one ray at a time.
+pub struct Single<S>(pub S);
+
+impl<S: Structure> Single<S> {
+    #[inline(always)]
+    fn ask(&self, rays: &[OneRay], any: bool, counters: &mut impl Counters, mut done: impl FnMut(usize, Answer)) {
+        for (index, &(origin, direction, t_max)) in rays.iter().enumerate() {
+            let ray = Ray::new(origin, direction);
+            if any {
+                done(index, self.0.occluded(&ray, t_max, |_, _| true, counters).then_some((0, 0.0)));
+            } else {
+                let mut best = Nearest::none(t_max);
+                self.0.nearest(&ray, &mut best, |_, _| true, counters);
+                done(index, (best.triangle != u32::MAX).then_some((best.triangle, best.t)));
+            }
+        }
+    }
+}
+
+impl<S: Structure + Send + Sync> Contender for Single<S> {
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
+    fn references(&self) -> Option<usize> {
+        Some(self.0.references())
+    }
+
+    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]) {
+        self.ask(rays, any, &mut (), |index, answer| into[index] = answer);
+    }
+
+    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work> {
+        let mut work = Work::default();
+        self.ask(rays, any, &mut work, |_, _| ());
+        Some(work)
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        self.0.cells(visit);
+    }
+}
+
+/// The renderer's way: waves of rays through the eight-wide tree.
+pub struct Waves {
+    /// The tree, under a top level of one instance.
+    pub accel: Accel,
+    references: usize,
+}
+
+impl Waves {
+    /// Over triangles.
+    pub fn build(triangles: &[Corners]) -> Self {
+        let blas = Blas::build(triangles);
+        let references = blas.references();
+        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let only = InstanceRef {
+            blas: Arc::new(blas),
+            world_from_local: identity,
+            local_from_world: identity,
+            identity: true,
+            check: false,
+        };
+        Self { accel: Accel::build(vec![only]), references }
+    }
+
+    fn ask(&self, rays: &[OneRay], any: bool, counters: &mut impl Counters, into: &mut [Answer]) {
+        for (rays, into) in rays.chunks(WAVE).zip(into.chunks_mut(WAVE)) {
+            let wave = RayList(rays);
+            if any {
+                let done = |index: usize, occluded: bool| into[index] = occluded.then_some((0, 0.0));
+                self.accel.occluded_counted(&wave, &Solid, counters, done);
+            } else {
+                self.accel.nearest_counted(&wave, &Solid, counters, |index, hit| {
+                    into[index] = (hit.triangle != u32::MAX).then_some((hit.triangle, hit.t));
+                });
+            }
+        }
+    }
+}
+
+impl Contender for Waves {
+    fn bytes(&self) -> usize {
+        self.accel.instances()[0].blas.bytes()
+    }
+
+    fn references(&self) -> Option<usize> {
+        Some(self.references)
+    }
+
+    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]) {
+        self.ask(rays, any, &mut (), into);
+    }
+
+    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work> {
+        let mut work = Work::default();
+        self.ask(rays, any, &mut work, &mut vec![None; rays.len()]);
+        Some(work)
+    }
+
+    fn cells(&self, visit: &mut dyn FnMut(Cell)) {
+        self.accel.instances()[0].blas.cells(visit);
+    }
+}
+
+/// How a structure is built.
+pub type Build = fn(&[Corners]) -> Box<dyn Contender>;
+
+/// A structure by its name.
+pub type Choice = (&'static str, Build);
+
+fn single<S: Structure + Send + Sync + 'static>() -> Choice {
+    (S::NAME, |triangles| Box::new(Single(S::build(triangles))))
+}
+
+/// All structures by name, the one that renders first.
+pub fn structures() -> [Choice; 8] {
+    [
+        (Blas::NAME, |triangles| Box::new(Waves::build(triangles))),
+        single::<Bvh2>(),
+        single::<Obb>(),
+        single::<KdTree>(),
+        single::<Octree>(),
+        single::<Bsp>(),
+        single::<Grid>(),
+        single::<Brute>(),
+    ]
+}
+
+/// Those asked for; if none are, all but brute force.
+pub fn chosen(names: &[String]) -> Result<Vec<Choice>, CliError> {
+    let all = structures();
+    if names.is_empty() {
+        return Ok(all.into_iter().filter(|(name, _)| *name != Brute::NAME).collect());
+    }
+    let find = |wanted: &String| {
+        all.iter().find(|(name, _)| name == wanted).copied().ok_or_else(|| {
+            let known = all.map(|(name, _)| name).join(", ");
+            CliError::Usage(format!("there is no structure {wanted:?}; there is {known}"))
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+/// A built structure and what building it took.
+pub struct Built {
+    /// As tables call it.
+    pub name: &'static str,
+    /// The structure.
+    pub structure: Box<dyn Contender>,
+    /// Wall-clock time of its build.
+    pub seconds: f64,
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// A structure that has lost one triangle in three, and says that it has them all.
+    pub struct Lossy<S>(S);
+
+    impl<S: Structure> Structure for Lossy<S> {
+        const NAME: &'static str = "lossy";
+
+        fn build(triangles: &[Corners]) -> Self {
+            let mut kept = triangles.to_vec();
+            kept.iter_mut().step_by(3).for_each(|lost| *lost = [lost[0]; 3]);
+            Self(S::build(&kept))
+        }
+
+        fn bytes(&self) -> usize {
+            self.0.bytes()
+        }
+
+        fn references(&self) -> usize {
+            self.0.references()
+        }
+
+        fn nearest(
+            &self,
+            ray: &Ray,
+            best: &mut Nearest,
+            accept: impl Fn(u32, &wavecast::accel::TriangleHit) -> bool,
+            counters: &mut impl Counters,
+        ) {
+            self.0.nearest(ray, best, accept, counters);
+        }
+
+        fn occluded(
+            &self,
+            ray: &Ray,
+            t_max: f32,
+            accept: impl Fn(u32, &wavecast::accel::TriangleHit) -> bool,
+            counters: &mut impl Counters,
+        ) -> bool {
+            self.0.occluded(ray, t_max, accept, counters)
+        }
+    }
+
+    /// That of a structure, by its type.
+    pub fn broken<S: Structure + Send + Sync + 'static>() -> Choice {
+        single::<Lossy<S>>()
+    }
+}

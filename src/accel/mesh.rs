@@ -149,6 +149,19 @@ impl Blas {
         (self.bounds.min.to_array(), self.bounds.max.to_array())
     }
 
+    /// Calls `visit` with each leaf of the eight-wide tree.
+    pub(super) fn leaves(&self, visit: &mut dyn FnMut(Block)) {
+        let arena = self.tree.arena.granules();
+        let mut pending: Vec<u32> = self.tree.root.into_iter().collect();
+        while let Some(reference) = pending.pop() {
+            if reference & KIND == LEAF {
+                visit(Block::at(arena, reference & !KIND));
+            } else {
+                pending.extend(Node::at(arena, reference).boxes().map(|(_, child)| child));
+            }
+        }
+    }
+
     /// What the top level refers to, if there is anything: a node or a leaf of the eight-wide tree. Other structures are
     /// a leaf to it, which it cannot open.
     pub(super) fn root(&self) -> Option<u32> {
@@ -178,7 +191,7 @@ impl Structure for Blas {
         while let Some((reference, bounds, depth)) = pending.pop() {
             let arena = self.tree.arena.granules();
             let leaf = reference & KIND == LEAF;
-            let held = leaf.then(|| Block::at(arena, reference & !KIND).count());
+            let held = leaf.then(|| Block::at(arena, reference & !KIND).triangles().len());
             let (lower, upper) = (bounds.min.to_array(), bounds.max.to_array());
             visit(Cell { depth, held, shape: Shape::Box { lower, upper } });
             if !leaf {

@@ -24,6 +24,7 @@ mod closed;
 mod family;
 mod grid;
 mod kdtree;
+mod merge;
 mod mesh;
 mod obb;
 mod octree;

@@ -5,6 +5,7 @@ use obvhs::aabb::Aabb;
 use super::{
     InstanceRef,
     bvh8::{KIND, Node, bounds_of},
+    merge::Merged,
     two_level::{Part, transform_point},
 };
 use crate::simd::LANES;
@@ -14,11 +15,16 @@ use crate::simd::LANES;
 /// Meshes overlap, and the box of a large one says little of where its triangles are; opened, the top level can lead a
 /// ray past what it would have had to enter (Benthin et al. 2017, "Improved Two-Level BVHs using Partial
 /// Re-Braiding"). A part that has a transform of its own costs more to enter, so fewer of those are made.
-pub(super) fn open(instances: &[InstanceRef], boxes: Vec<Aabb>, scene_area: f32) -> (Vec<Part>, Vec<Aabb>) {
+pub(super) fn open(
+    instances: &[InstanceRef],
+    merged: &Merged,
+    boxes: Vec<Aabb>,
+    scene_area: f32,
+) -> (Vec<Part>, Vec<Aabb>) {
     let most = 4 * instances.len() + 2048;
     let (mut parts, mut bounds) = (Vec::new(), Vec::new());
     for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
-        let Some(root) = instance.blas.root() else { continue };
+        let Some(root) = instance.blas.root().filter(|_| !merged.holds(row)) else { continue };
         parts.push(Part { instance: row as u32, root });
         bounds.push(whole);
     }

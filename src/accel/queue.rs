@@ -107,7 +107,6 @@ struct Slot<'a> {
     arena: &'a [Granule],
     /// Subtrees put off: a byte, so that the compiler knows it to be inside the stack.
     top: u8,
-    check: bool,
     instance: u32,
     /// The nearest hit, after one that is not looked at.
     best: [Hit; 2],
@@ -217,7 +216,6 @@ impl<'a> Slot<'a> {
             current: DONE,
             arena: &[],
             top: 0,
-            check: false,
             instance: 0,
             best: [NO_HIT; 2],
             id: 0,
@@ -339,7 +337,6 @@ impl<'a> Slot<'a> {
         let part = accel.parts[(self.current & !KIND) as usize];
         let instance = &accel.instances[part.instance as usize];
         self.instance = part.instance;
-        self.check = instance.check;
         if !instance.identity {
             self.ray = to_local(instance, self.ray.origin, self.ray.direction);
         }
@@ -366,10 +363,10 @@ impl<'a> Slot<'a> {
 
     /// Tests a leaf's triangles.
     #[inline(always)]
-    fn test<const ANY: bool, C: Coverage, L: Leaf>(&mut self, coverage: &C) -> usize {
+    fn test<const ANY: bool, C: Coverage, L: Leaf>(&mut self, accel: &Accel, coverage: &C) -> usize {
         let block = L::at(self.arena, self.current & !(KIND | QUAD));
         if !C::TRIVIAL {
-            return self.test_covered::<ANY, C, L>(block, coverage);
+            return self.test_covered::<ANY, C, L>(block, accel, coverage);
         }
         if ANY {
             let hit = block.any(&self.ray, self.t_max);
@@ -382,11 +379,13 @@ impl<'a> Slot<'a> {
         }
         let (lane, hit) = block.nearest(&self.ray, self.t_max);
         let (triangle, best) = (block.row(lane), &self.best[1]);
-        // Distances are positive, so that they are in the order of their bits; equal ones are told apart by what is hit.
-        let same = self.instance == best.instance;
-        let (tie, best_tie) = if same { (triangle, best.triangle) } else { (self.instance, best.instance) };
-        let rank = |t: f32, tie: u32| u64::from(t.to_bits()) << 32 | u64::from(tie);
-        let nearer = rank(hit.t, tie).wrapping_sub(rank(best.t, best_tie)) >> 63;
+        // Distances are positive, so that they are in the order of their bits.
+        let mut nearer = hit.t.to_bits().wrapping_sub(best.t.to_bits()) >> 31;
+        if hit.t == best.t {
+            // Of neighbours, or in the same place: seldom.
+            let name = |instance: u32, triangle: u32| accel.merged.name(instance, triangle);
+            nearer = u32::from(name(self.instance, triangle) < name(best.instance, best.triangle));
+        }
         // What is not nearer is kept where nobody looks.
         self.best[nearer as usize & 1] =
             Hit { t: hit.t, instance: self.instance, triangle, b1: hit.b1, b2: hit.b2, back: hit.back };
@@ -396,17 +395,17 @@ impl<'a> Slot<'a> {
 
     /// The same where some hits do not count.
     #[inline(always)]
-    fn test_covered<const ANY: bool, C: Coverage, L: Leaf>(&mut self, block: &L, coverage: &C) -> usize {
+    fn test_covered<const ANY: bool, C: Coverage, L: Leaf>(&mut self, block: &L, accel: &Accel, coverage: &C) -> usize {
         let met = block.intersect(&self.ray, self.t_max);
         let mut lanes = met.hits;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & (LANES - 1);
             lanes &= lanes - 1;
-            let found = hit_of(&met, block.row(lane), self.instance, lane);
+            let found = accel.merged.named(hit_of(&met, block.row(lane), self.instance, lane));
             let best = &self.best[1];
             let nearer = found.t < best.t
-                || found.t == best.t && (self.instance, found.triangle) < (best.instance, best.triangle);
-            if nearer && (!self.check || coverage.covers(self.id, &found)) {
+                || found.t == best.t && (found.instance, found.triangle) < (best.instance, best.triangle);
+            if nearer && accel.is_there(self.id, &found, coverage) {
                 self.best[1] = found;
                 self.shorten(found.t);
                 if ANY {
@@ -464,12 +463,12 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         drain!(POP, |slot| slot.pop::<ANY>());
         drain!((LEAF >> 29) as usize, |slot| {
             counters.triangles(LANES);
-            let kind = slot.test::<ANY, C, TriangleBlock>(coverage);
+            let kind = slot.test::<ANY, C, TriangleBlock>(accel, coverage);
             slot.leave_if_told::<ANY>(kind, accel)
         });
         drain!(((LEAF | QUAD) >> 29) as usize, |slot| {
             counters.triangles(LANES);
-            let kind = slot.test::<ANY, C, TriangleQuad>(coverage);
+            let kind = slot.test::<ANY, C, TriangleQuad>(accel, coverage);
             slot.leave_if_told::<ANY>(kind, accel)
         });
         drain!((INSTANCE >> 29) as usize, |slot| {
@@ -480,7 +479,8 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
             if slot.current == LEAVE {
                 slot.leave::<ANY>(accel)
             } else {
-                done(slot.index as usize, &slot.best[1]);
+                let best = slot.best[1];
+                done(slot.index as usize, &if C::TRIVIAL && !ANY { accel.merged.named(best) } else { best });
                 if next == count {
                     under_way -= 1;
                     continue;

@@ -213,6 +213,9 @@ pub trait Leaf: Sized {
     /// Row of a lane's triangle.
     fn row(&self, lane: usize) -> u32;
 
+    /// Corners of a lane's triangle.
+    fn corners(&self, lane: usize) -> [[f32; 3]; 3];
+
     /// [`intersect`] for all, with the same roundings: its SIMD twin.
     fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit;
 
@@ -332,6 +335,11 @@ macro_rules! leaf {
                 bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes + lane % $lanes]
             }
 
+            fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
+                let numbers = bytemuck::cast_slice::<_, f32>(&self.0);
+                [0, 3, 6].map(|corner| [0, 1, 2].map(|axis| numbers[(corner + axis) * $lanes + lane % $lanes]))
+            }
+
             #[inline(always)]
             fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit {
                 self.met(ray, t_max).all()
@@ -389,11 +397,15 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Triangles in it.
-    pub fn count(&self) -> usize {
+    /// The triangles in it, with their rows.
+    pub fn triangles(&self) -> Vec<(u32, [[f32; 3]; 3])> {
+        fn of<L: Leaf>(block: &L) -> Vec<(u32, [[f32; 3]; 3])> {
+            let all = (0..L::MOST).map(|lane| (block.row(lane), block.corners(lane)));
+            all.filter(|&(row, _)| row != NONE).collect()
+        }
         match self {
-            Self::Eight(block) => (0..TriangleBlock::MOST).filter(|&lane| block.row(lane) != NONE).count(),
-            Self::Four(block) => (0..TriangleQuad::MOST).filter(|&lane| block.row(lane) != NONE).count(),
+            Self::Eight(block) => of(*block),
+            Self::Four(block) => of(*block),
         }
     }
 

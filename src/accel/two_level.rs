@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{
     Blas, Coverage, Rays,
     bvh8::{Bvh8, INSTANCE, Quality, Stack},
+    merge::Merged,
     mesh::Other,
     open::{open, world_bounds},
     queue,
@@ -71,7 +72,11 @@ pub(super) struct Part {
 #[derive(Clone, Debug, Default)]
 pub struct Accel {
     pub(super) tree: Bvh8,
+    /// The placed meshes, and after them the merged one, if there is any.
     pub(super) instances: Vec<InstanceRef>,
+    /// Placed meshes.
+    placed: usize,
+    pub(super) merged: Merged,
     /// What the top level leads to.
     pub(super) parts: Vec<Part>,
     bounds: Option<([f32; 3], [f32; 3])>,
@@ -104,20 +109,31 @@ impl Accel {
     pub fn build(instances: Vec<InstanceRef>) -> Self {
         let boxes: Vec<Aabb> = instances.par_iter().map(|one| world_bounds(one, &one.blas.bounds)).collect();
         let all = boxes.iter().filter(|one| one.valid()).fold(Aabb::empty(), |all, one| all.union(one));
-        let (parts, boxes) = open(&instances, boxes, all.half_area());
+        let (placed, mut boxes) = (instances.len(), boxes);
+        let (merged, together) = Merged::of(&instances).unzip();
+        let merged = merged.unwrap_or_default();
+        boxes.extend(together.iter().map(|one| one.blas.bounds));
+        let instances: Vec<InstanceRef> = instances.into_iter().chain(together).collect();
+        let (parts, boxes) = open(&instances, &merged, boxes, all.half_area());
         let tree = Bvh8::build(&boxes, Quality::Fast, 1, |rows, _| INSTANCE | rows[0]);
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
         let others = instances.iter().any(|one| one.blas.other.is_some());
-        Self { tree, instances, parts, bounds, deep, others }
+        Self { tree, instances, placed, merged, parts, bounds, deep, others }
     }
 
     /// Says again which instances need their hits confirmed.
     pub fn set_checks(&mut self, mut check: impl FnMut(usize) -> bool) {
-        for (row, instance) in self.instances.iter_mut().enumerate() {
+        for (row, instance) in self.instances.iter_mut().take(self.placed).enumerate() {
             instance.check = check(row);
         }
+    }
+
+    /// False if a hit is of something that is not there for the ray.
+    #[inline(always)]
+    pub(super) fn is_there<C: Coverage>(&self, ray_id: u32, hit: &Hit, coverage: &C) -> bool {
+        C::TRIVIAL || !self.instances[hit.instance as usize].check || coverage.covers(ray_id, hit)
     }
 
     /// Lowest and highest corner of everything, if there is anything.
@@ -127,12 +143,14 @@ impl Accel {
 
     /// Placed meshes.
     pub fn instances(&self) -> &[InstanceRef] {
-        &self.instances
+        &self.instances[..self.placed]
     }
 
-    /// Bytes of the top level; meshes are counted by [`Blas::bytes`].
+    /// Bytes of the top level, what is merged into it included; meshes are counted by [`Blas::bytes`].
     pub fn bytes(&self) -> usize {
-        self.tree.bytes() + self.instances.len() * size_of::<InstanceRef>() + self.parts.len() * size_of::<Part>()
+        let merged: usize = self.instances[self.placed..].iter().map(|one| one.blas.bytes()).sum();
+        let rows = self.instances.len() * size_of::<InstanceRef>() + self.parts.len() * size_of::<Part>();
+        self.tree.bytes() + rows + merged + self.merged.bytes()
     }
 
     /// The nearest hit with 0 < t ≤ `t_max`; at equal t that of the smaller (instance, triangle).
@@ -152,7 +170,7 @@ impl Accel {
         self.tree.walk::<true>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
             let part = self.parts[row as usize];
             let instance = &self.instances[part.instance as usize];
-            nearest_in(instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
+            nearest_in(self, instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
             false
         });
         best
@@ -224,7 +242,7 @@ impl Accel {
         self.tree.walk::<false>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
             let part = self.parts[row as usize];
             let instance = &self.instances[part.instance as usize];
-            found = occluded_in(instance, part, &ray, *t_max, ray_id, coverage, mesh);
+            found = occluded_in(self, instance, part, &ray, *t_max, ray_id, coverage, mesh);
             found
         });
         found
@@ -252,6 +270,7 @@ fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) 
 
 #[inline(always)]
 fn nearest_in<C: Coverage>(
+    accel: &Accel,
     instance: &InstanceRef,
     part: Part,
     ray: &Ray,
@@ -275,10 +294,10 @@ fn nearest_in<C: Coverage>(
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & (LANES - 1);
                 lanes &= lanes - 1;
-                let found = hit_of(&met, block.row(lane), part.instance, lane);
+                let found = accel.merged.named(hit_of(&met, block.row(lane), part.instance, lane));
                 let nearer = found.t < best.t
-                    || found.t == best.t && (part.instance, found.triangle) < (best.instance, best.triangle);
-                if nearer && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &found)) {
+                    || found.t == best.t && (found.instance, found.triangle) < (best.instance, best.triangle);
+                if nearer && accel.is_there(ray_id, &found, coverage) {
                     *best = found;
                     *t_max = found.t;
                 }
@@ -344,6 +363,7 @@ pub(super) fn hit_of(met: &BlockHit, triangle: u32, instance: u32, lane: usize) 
 
 #[inline(always)]
 fn occluded_in<C: Coverage>(
+    accel: &Accel,
     instance: &InstanceRef,
     part: Part,
     ray: &Ray,
@@ -365,13 +385,11 @@ fn occluded_in<C: Coverage>(
         blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, &mut (), |block, t_end| {
             let block = Block::at(arena, block);
             let met = block.intersect(local, *t_end);
-            found = met.hits != 0
-                && (C::TRIVIAL
-                    || !instance.check
-                    || (0..LANES).any(|lane| {
-                        met.hits >> lane & 1 == 1
-                            && coverage.covers(ray_id, &hit_of(&met, block.row(lane), part.instance, lane))
-                    }));
+            let mut hits = (0..LANES).filter(|lane| met.hits >> lane & 1 == 1);
+            found = hits.any(|lane| {
+                let hit = accel.merged.named(hit_of(&met, block.row(lane), part.instance, lane));
+                accel.is_there(ray_id, &hit, coverage)
+            });
             found
         })
     });

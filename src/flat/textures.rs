@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::{
+    simd::prefetch,
     soa,
     world::{Filter, Wrap},
 };
@@ -140,6 +141,35 @@ fn wrap(at: i32, size: u32, code: u8) -> u32 {
 const FARTHEST_TEXEL: f32 = 1e9;
 
 impl Textures {
+    /// The image that a slot looks into, and where in it coordinates lie, in texels, before they are wrapped.
+    #[inline(always)]
+    fn place(&self, row: usize, uv: [f32; 2]) -> (&FlatImage, [f32; 2]) {
+        let slots = &self.slots;
+        let m = &slots.transform[row];
+        let u = m[0] * uv[0] + m[1] * uv[1] + m[2];
+        let v = m[3] * uv[0] + m[4] * uv[1] + m[5];
+        let image = &*self.images[slots.image[row] as usize];
+        // Whole repeats are taken off first, so that coordinates far from zero keep their precision.
+        let (u, v) = (fold(u, slots.wrap_u[row]), fold(v, slots.wrap_v[row]));
+        let x = (u * image.width as f32).clamp(-FARTHEST_TEXEL, FARTHEST_TEXEL);
+        let y = (v * image.height as f32).clamp(-FARTHEST_TEXEL, FARTHEST_TEXEL);
+        (image, [x, y])
+    }
+
+    /// Asks for the texels that [`Textures::sample`] is going to read, but for those across an edge.
+    #[inline]
+    pub fn ask_for(&self, slot: u32, uv: [f32; 2]) {
+        let (image, [x, y]) = self.place(slot as usize, uv);
+        let (x, y) = ((x - 0.5).max(0.0) as usize, (y - 0.5).max(0.0) as usize);
+        for y in [y, y + 1] {
+            let at = y * image.width as usize + x;
+            match &image.texels {
+                ImageTexels::Rgba8(texels) => prefetch::<1, _>(texels, at),
+                ImageTexels::Rgba16(texels) => prefetch::<1, _>(texels, at),
+            }
+        }
+    }
+
     /// The value of a slot at texture coordinates, linear, R G B A.
     ///
     /// Texels are decoded first and filtered then, as glTF asks; v runs downwards from the first row.
@@ -147,15 +177,8 @@ impl Textures {
     pub fn sample(&self, slot: u32, uv: [f32; 2]) -> [f32; 4] {
         let row = slot as usize;
         let slots = &self.slots;
-        let m = &slots.transform[row];
-        let u = m[0] * uv[0] + m[1] * uv[1] + m[2];
-        let v = m[3] * uv[0] + m[4] * uv[1] + m[5];
-        let image = &*self.images[slots.image[row] as usize];
         let (wrap_u, wrap_v, srgb) = (slots.wrap_u[row], slots.wrap_v[row], slots.srgb[row] != 0);
-        // Whole repeats are taken off first, so that coordinates far from zero keep their precision.
-        let (u, v) = (fold(u, wrap_u), fold(v, wrap_v));
-        let x = (u * image.width as f32).clamp(-FARTHEST_TEXEL, FARTHEST_TEXEL);
-        let y = (v * image.height as f32).clamp(-FARTHEST_TEXEL, FARTHEST_TEXEL);
+        let (image, [x, y]) = self.place(row, uv);
         if slots.nearest[row] != 0 {
             let (x, y) = (wrap(x.floor() as i32, image.width, wrap_u), wrap(y.floor() as i32, image.height, wrap_v));
             return image.texel(x, y, srgb);

@@ -34,6 +34,7 @@ mod connect;
 mod bounce;
 
 // What stages call and what calls them.
+mod ahead;
 mod coverage;
 mod dimensions;
 mod direct;
@@ -82,6 +83,8 @@ pub struct Settings {
     pub partial_coverage: bool,
     /// Some surface stops rays at random, so that rays need names.
     pub blends: bool,
+    /// The scene is so large that shading asks for its memory ahead.
+    pub asks_ahead: bool,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
 }
@@ -106,6 +109,7 @@ impl<'a> Job<'a> {
                 wave_size: settings.wave_size.max(1),
                 max_depth: settings.max_depth.unwrap_or(u32::MAX),
                 terminator_fix: settings.terminator_fix && needs.has(SceneNeeds::SMOOTH_NORMALS),
+                asks_ahead: ahead::pays(scene),
                 transparent: settings.transparent,
                 sample_lights: !scene.lights.choice.is_empty(),
                 absorbs: needs.has(SceneNeeds::VOLUMES),
@@ -183,7 +187,7 @@ impl Worker {
             counters.time(Stage::Intersect, paths.len(), |_| {
                 intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
             });
-            counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, order));
+            counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, settings.asks_ahead, order));
             if settings.absorbs {
                 counters.time(Stage::Absorb, paths.len(), |counters| {
                     counters.absorbed += absorb::absorb(scene, &order.materials, hits, paths);

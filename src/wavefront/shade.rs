@@ -3,7 +3,7 @@
 use wide::f32x8;
 
 use super::{
-    Settings,
+    Settings, ahead,
     dimensions::{self, ray_id},
     direct,
     queues::{HitQueue, Path, PathQueue, Shadow, ShadowQueue},
@@ -227,7 +227,24 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
     next: &mut PathQueue,
     counters: &mut Counters,
 ) {
-    for rows in rows.chunks(LANES) {
+    // The rows of a block that comes so many later.
+    let later = |from: usize, blocks: usize| {
+        let first = (from + blocks * LANES).min(rows.len());
+        &rows[first..(first + LANES).min(rows.len())]
+    };
+    if settings.asks_ahead {
+        (0..ahead::VERTICES).for_each(|blocks| ahead::vertices(scene, later(0, blocks), hits));
+        if TEXTURED {
+            (0..ahead::TEXELS).for_each(|blocks| ahead::texels(scene, later(0, blocks), materials, hits));
+        }
+    }
+    for (block, rows) in rows.chunks(LANES).enumerate() {
+        if settings.asks_ahead {
+            ahead::vertices(scene, later(block * LANES, ahead::VERTICES), hits);
+            if TEXTURED {
+                ahead::texels(scene, later(block * LANES, ahead::TEXELS), materials, hits);
+            }
+        }
         let at = gather(rows, materials, settings.max_depth, paths, hits);
         if at.active == 0 {
             continue;

@@ -1,6 +1,6 @@
 //! Orders the hits of a wave by what shading they need.
 
-use super::queues::HitQueue;
+use super::{ahead, queues::HitQueue};
 use crate::flat::{FlatScene, NONE, ShadingClass, flags};
 
 /// Key of paths that met nothing; those of hits are their shading class.
@@ -34,7 +34,7 @@ impl Order {
 }
 
 /// Counting sort: two passes over the keys, stable.
-pub fn sort(scene: &FlatScene, hits: &HitQueue, order: &mut Order) {
+pub fn sort(scene: &FlatScene, hits: &HitQueue, asks_ahead: bool, order: &mut Order) {
     order.keys.clear();
     order.materials.clear();
     order.emissive.clear();
@@ -45,6 +45,9 @@ pub fn sort(scene: &FlatScene, hits: &HitQueue, order: &mut Order) {
             (MISS, NONE)
         } else {
             let material = scene.material_of(instance, hits.triangle[i]);
+            if asks_ahead {
+                ahead::row(scene, instance, hits.triangle[i]);
+            }
             if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
                 order.emissive.push(i as u32);
             }
@@ -90,7 +93,7 @@ mod tests {
             hits.push(HitRow { instance, ..HitRow::default() });
         }
         let mut order = Order::default();
-        sort(&scene, &hits, &mut order);
+        sort(&scene, &hits, true, &mut order);
         assert_eq!(order.run(0), [2, 6]);
         assert_eq!(order.run(1), [3]);
         assert_eq!(order.run(2), [0, 4]);

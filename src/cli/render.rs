@@ -297,6 +297,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         transparent: args.transparent,
         layers,
         wave_size: args.wave_size,
+        sort: true,
         tile_size: args.tile_size,
         threads: common.threads.map_or(0, usize::from),
     })

@@ -53,7 +53,7 @@ use self::{
     surface::Parts,
     tally::Tally,
 };
-pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render};
+pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render, stats::STAGES};
 use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},

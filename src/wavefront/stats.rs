@@ -51,6 +51,17 @@ impl Stage {
     ];
 }
 
+/// Names of all stages, in the order they run.
+pub const STAGES: [&str; Stage::ALL.len()] = {
+    let mut names = [""; Stage::ALL.len()];
+    let mut stage = 0;
+    while stage < names.len() {
+        names[stage] = Stage::ALL[stage].1;
+        stage += 1;
+    }
+    names
+};
+
 /// Blocks of eight lanes that a stage ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Blocks {

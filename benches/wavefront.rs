@@ -19,7 +19,14 @@ fn measure(scene: &Path, more: &[&str], asked: &[String], folder: &Path) -> bool
     let mut program = Command::new(env!("CARGO_BIN_EXE_wavecast"));
     // What was asked for goes before what is the rule.
     let rule = more.iter().filter(|rule| !(rule.starts_with("--spp") && asked.iter().any(|a| a.starts_with("--spp"))));
-    program.args(["bench", "wavefront"]).arg(scene).args(rule).args(asked).arg("-o").arg(folder);
+    program
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["bench", "wavefront"])
+        .arg(scene)
+        .args(rule)
+        .args(asked)
+        .arg("-o")
+        .arg(folder);
     program.status().inspect_err(|error| eprintln!("error: {error}")).is_ok_and(|status| status.success())
 }
 
@@ -39,12 +46,13 @@ fn main() -> ExitCode {
         _ => {}
     }
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let (assets, results) = (root.join("../shared/assets"), root.join("benches/results"));
+    // As seen from there, so that tables do not tell where that is.
+    let (assets, results) = (PathBuf::from("../shared/assets"), PathBuf::from("benches/results"));
     let sky = assets.join("_hdr/venice_sunset_1k.hdr");
     let sky = sky.to_string_lossy();
     let mut well = true;
     for (name, scene, more) in [
-        ("cornell", root.join("scenes/cornell.gltf"), &["--spp=16"][..]),
+        ("cornell", PathBuf::from("scenes/cornell.gltf"), &["--spp=16"][..]),
         (
             "helmet",
             assets.join("DamagedHelmet/glTF-Binary/DamagedHelmet.glb"),
@@ -52,7 +60,7 @@ fn main() -> ExitCode {
         ),
         ("sponza", assets.join("Sponza/Sponza.glb"), &["--view=0,1,0,1,1,0", "--env", &sky, "--spp=8"]),
     ] {
-        if scene.exists() {
+        if root.join(&scene).exists() {
             well &= measure(
                 &scene,
                 more,

@@ -201,7 +201,7 @@ impl Structure for Blas {
         }
     }
 
-    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
+    /// One ray alone, for comparison; waves go through [`super::Accel::nearest_of`].
     fn nearest(
         &self,
         ray: &Ray,

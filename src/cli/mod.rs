@@ -56,7 +56,7 @@ enum Command {
     Render(Box<render::Args>),
     Info(info::Args),
     Compare(compare::Args),
-    Bench(bench::Args),
+    Bench(Box<bench::Args>),
 }
 
 /// How a subcommand ended, if not with an error.

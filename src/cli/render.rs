@@ -126,7 +126,8 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     loaded.warnings.iter().for_each(|warning| console.warn(warning));
     let scene = &mut loaded.scene;
     if let Some(env) = &args.env {
-        set_environment(scene, env, &args, console)?;
+        let (rotation, scale) = (args.env_rotate.unwrap_or(0.0), args.env_scale.unwrap_or(1.0));
+        set_environment(scene, env, rotation, scale, console)?;
     }
     choose_camera(scene, &loaded.info.cameras, &args, console)?;
     seconds.load = start.elapsed().as_secs_f64();
@@ -206,7 +207,13 @@ fn check_outputs(args: &Args, console: &mut Console) -> Result<(), CliError> {
 }
 
 /// Puts the environment asked for in the place of the scene's own.
-fn set_environment(scene: &mut Scene, env: &EnvArg, args: &Args, console: &mut Console) -> Result<(), CliError> {
+pub fn set_environment(
+    scene: &mut Scene,
+    env: &EnvArg,
+    rotation_degrees: f32,
+    scale: f32,
+    console: &mut Console,
+) -> Result<(), CliError> {
     let sky = match env {
         EnvArg::Constant(radiance) => Sky::Constant((*radiance).into()),
         EnvArg::File(path) => {
@@ -215,8 +222,7 @@ fn set_environment(scene: &mut Scene, env: &EnvArg, args: &Args, console: &mut C
             Sky::Map(Arc::new(map))
         }
     };
-    let environment =
-        Environment { sky, rotation_degrees: args.env_rotate.unwrap_or(0.0), scale: args.env_scale.unwrap_or(1.0) };
+    let environment = Environment { sky, rotation_degrees, scale };
     let existing = scene.keys_with::<Environment>();
     if existing.is_empty() {
         scene.spawn((environment,));
@@ -297,6 +303,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         transparent: args.transparent,
         layers,
         wave_size: args.wave_size,
+        sort: true,
         tile_size: args.tile_size,
         threads: common.threads.map_or(0, usize::from),
     })
@@ -426,7 +433,9 @@ mod tests {
         let mut scene = Scene::new();
         let own = scene.spawn((Environment::constant(glam::Vec3::ONE),));
         let (args, _) = parse("--env 1,2,3 --env-rotate -90 --env-scale 2");
-        set_environment(&mut scene, args.env.as_ref().unwrap(), &args, &mut Console::new(true, false)).unwrap();
+        let (rotation, scale) = (args.env_rotate.unwrap(), args.env_scale.unwrap());
+        let console = &mut Console::new(true, false);
+        set_environment(&mut scene, args.env.as_ref().unwrap(), rotation, scale, console).unwrap();
         assert_eq!(scene.keys_with::<Environment>(), [own]);
         let want =
             Environment { sky: Sky::Constant(glam::Vec3::new(1.0, 2.0, 3.0)), rotation_degrees: -90.0, scale: 2.0 };

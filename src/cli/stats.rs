@@ -126,7 +126,13 @@ mod tests {
             spp: 4.0,
             paths: 400,
             rays: wavecast::render::RayCounts { camera: 400, bounce: 500, shadow: 1_999_100 },
-            stages: vec![wavecast::render::StageStats { name: "shade", seconds: 0.5, rows: 9, lane_fill: 0.9 }],
+            stages: vec![wavecast::render::StageStats {
+                name: "shade",
+                seconds: 0.5,
+                rows: 9,
+                blocks: 2,
+                lane_fill: 0.9,
+            }],
             discarded: vec![("not finite", 3)],
             threads: 2,
             ..RenderStats::default()

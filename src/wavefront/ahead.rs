@@ -27,11 +27,14 @@ pub fn pays(scene: &FlatScene) -> bool {
     images + vertices > FAR
 }
 
-/// Asks for the row of a triangle.
-#[inline(always)]
-pub fn row(scene: &FlatScene, instance: u32, triangle: u32) {
-    let mesh = &scene.meshes[scene.instances.mesh[instance as usize] as usize];
-    prefetch::<1, _>(&mesh.triangles, triangle as usize);
+/// Asks for the triangles of all hits of a wave.
+pub fn rows(scene: &FlatScene, hits: &HitQueue) {
+    for (&instance, &triangle) in hits.instance.iter().zip(&hits.triangle) {
+        if instance != NONE {
+            let mesh = &scene.meshes[scene.instances.mesh[instance as usize] as usize];
+            prefetch::<1, _>(&mesh.triangles, triangle as usize);
+        }
+    }
 }
 
 /// Asks for the vertices of hits.

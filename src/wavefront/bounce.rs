@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{dimensions, queues::PathQueue};
+use super::{dimensions, queues::PathQueue, stats::Blocks};
 use crate::{
     sampling::Sampler,
     simd::{Bits, LANES, Mask, Real},
@@ -33,7 +33,7 @@ pub fn survival<F: Real>(most: F, eta_scale: F, limit: F) -> F {
 /// Moves the paths of `from` that survive to the end of `to`.
 ///
 /// `to` holds no padding. `alive` is scratch.
-pub fn bounce(sampler: &Sampler, from: &mut PathQueue, alive: &mut Vec<u32>, to: &mut PathQueue) {
+pub fn bounce(sampler: &Sampler, from: &mut PathQueue, alive: &mut Vec<u32>, to: &mut PathQueue) -> Blocks {
     alive.clear();
     let rows = from.len();
     from.pad();
@@ -72,4 +72,5 @@ pub fn bounce(sampler: &Sampler, from: &mut PathQueue, alive: &mut Vec<u32>, to:
     }
     to.append(from, alive);
     from.clear();
+    Blocks::of(rows)
 }

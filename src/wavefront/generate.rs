@@ -6,6 +6,7 @@ use wide::f32x8;
 use super::{
     dimensions,
     queues::{Path, PathQueue},
+    stats::Blocks,
 };
 use crate::{
     flat::{CameraView, NONE, ViewProjection},
@@ -72,11 +73,13 @@ pub fn generate(
     cursor: &mut Cursor,
     capacity: usize,
     paths: &mut PathQueue,
-) {
+) -> Blocks {
+    let mut blocks = Blocks::default();
     let [x0, y0, width, height] = tile;
     let pixels = width * height;
     while cursor.sample < cursor.end && paths.len() < capacity {
         let count = ((pixels - cursor.pixel) as usize).min(LANES).min(capacity - paths.len());
+        blocks += Blocks::one(count as u32);
         let place = |lane: usize| {
             let slot = cursor.pixel + (lane.min(count - 1)) as u32;
             (slot, x0 + slot % width, y0 + slot / width)
@@ -119,4 +122,5 @@ pub fn generate(
             cursor.sample += 1;
         }
     }
+    blocks
 }

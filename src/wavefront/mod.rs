@@ -50,11 +50,11 @@ use self::{
     generate::{Cursor, Lens},
     queues::{HitQueue, PathQueue, ShadowQueue},
     sort::Order,
-    stats::{Counters, Stage},
+    stats::{Blocks, Counters, Stage},
     surface::Parts,
     tally::Tally,
 };
-pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render};
+pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render, stats::STAGES};
 use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
@@ -62,6 +62,7 @@ use crate::{
     flat::{FlatScene, SceneNeeds, ShadingClass},
     render::{LayerKind, RenderSettings},
     sampling::{FilterTable, Sampler},
+    simd::LANES,
 };
 
 /// Settings as the stages read them.
@@ -69,6 +70,8 @@ use crate::{
 pub struct Settings {
     /// Paths in a wave.
     pub wave_size: usize,
+    /// Rows that are sorted together: a wave, or a block if waves are to stay as they are.
+    pub sorted: usize,
     /// Greatest number of scatterings.
     pub max_depth: u32,
     /// Lift rays to the smooth surface.
@@ -107,6 +110,7 @@ impl<'a> Job<'a> {
             scene,
             settings: Settings {
                 wave_size: settings.wave_size.max(1),
+                sorted: if settings.sort { settings.wave_size.max(1) } else { LANES },
                 max_depth: settings.max_depth.unwrap_or(u32::MAX),
                 terminator_fix: settings.terminator_fix && needs.has(SceneNeeds::SMOOTH_NORMALS),
                 asks_ahead: ahead::pays(scene),
@@ -165,17 +169,17 @@ impl Worker {
         next.reserve(rows);
         hits.reserve(rows);
         shadows.reserve(rows);
-        order.reserve(rows);
+        order.reserve(rows, settings.sorted);
         alive.reserve(rows.saturating_sub(alive.len()));
         loop {
             // Half a wave of survivors is topped up at once rather than a few rows at a time.
             if paths.len() <= settings.wave_size / 2 && cursor.sample < cursor.end {
                 let before = paths.len();
                 counters.time_blocks(Stage::Generate, 0, |_| {
-                    generate::generate(lens, filter, sampler, rectangle, &mut cursor, settings.wave_size, paths);
+                    generate::generate(lens, filter, sampler, rectangle, &mut cursor, settings.wave_size, paths)
                 });
                 let started = paths.len() - before;
-                counters.time_blocks(Stage::Generate, started, |_| ());
+                counters.add_rows(Stage::Generate, started);
                 counters.rays.camera += started as u64;
                 counters.rays.bounce += before as u64;
             } else {
@@ -187,7 +191,9 @@ impl Worker {
             counters.time(Stage::Intersect, paths.len(), |_| {
                 intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
             });
-            counters.time(Stage::Sort, paths.len(), |_| sort::sort(scene, hits, settings.asks_ahead, order));
+            counters.time(Stage::Sort, paths.len(), |_| {
+                sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);
+            });
             if settings.absorbs {
                 counters.time(Stage::Absorb, paths.len(), |counters| {
                     counters.absorbed += absorb::absorb(scene, &order.materials, hits, paths);
@@ -199,13 +205,17 @@ impl Worker {
                 });
             }
             if let Some(environment) = &scene.lights.environment {
-                let rows = order.run(sort::MISS);
-                if !rows.is_empty() {
-                    counters.time_blocks(Stage::Sky, rows.len(), |counters| {
-                        sky::sky(scene, environment, rows, settings.transparent, paths, &mut tally);
+                let count = order.count(sort::MISS);
+                if count > 0 {
+                    counters.time_blocks(Stage::Sky, count, |counters| {
                         if scene.needs.has(SceneNeeds::ENVIRONMENT_MAP) {
-                            counters.environment_lookups += rows.len() as u64;
+                            counters.environment_lookups += count as u64;
                         }
+                        let mut blocks = Blocks::default();
+                        for rows in order.runs(sort::MISS) {
+                            blocks += sky::sky(scene, environment, rows, settings.transparent, paths, &mut tally);
+                        }
+                        blocks
                     });
                 }
             }
@@ -215,40 +225,29 @@ impl Worker {
                     emit::emit(scene, &order.emissive, &order.materials, paths, hits, &mut tally, lookups);
                 });
             }
-            let unlit = order.run(ShadingClass::Unlit as usize);
-            if !unlit.is_empty() {
-                counters.time(Stage::Unlit, unlit.len(), |counters| {
-                    let lookups = &mut counters.texture_lookups;
-                    emit::show_unlit(scene, unlit, &order.materials, paths, hits, &mut tally, lookups);
+            let unlit = order.count(ShadingClass::Unlit as usize);
+            if unlit > 0 {
+                counters.time(Stage::Unlit, unlit, |counters| {
+                    for rows in order.runs(ShadingClass::Unlit as usize) {
+                        let lookups = &mut counters.texture_lookups;
+                        emit::show_unlit(scene, rows, &order.materials, paths, hits, &mut tally, lookups);
+                    }
                 });
             }
             shadows.clear();
-            for class in ShadingClass::SCATTERING {
-                let rows = order.run(class as usize);
-                if rows.is_empty() {
-                    continue;
-                }
-                let run = match class {
-                    ShadingClass::Unlit | ShadingClass::Lambert => shade::shade::<Lambert, false>,
-                    ShadingClass::Opaque => shade::shade::<Opaque, false>,
-                    ShadingClass::OpaqueTextured => shade::shade::<Opaque, true>,
-                    ShadingClass::Transmissive => shade::shade::<Transmissive, false>,
-                    ShadingClass::TransmissiveTextured => shade::shade::<Transmissive, true>,
-                };
-                counters.time_blocks(Stage::Shade, rows.len(), |counters| {
-                    run(
-                        scene,
-                        settings,
-                        sampler,
-                        rows,
-                        &order.materials,
-                        parts_of(class),
-                        paths,
-                        hits,
-                        shadows,
-                        next,
-                        counters,
-                    );
+            let surfaces = paths.len() - order.count(sort::MISS) - unlit;
+            if surfaces > 0 {
+                counters.time_blocks(Stage::Shade, surfaces, |counters| {
+                    let mut blocks = Blocks::default();
+                    for piece in order.pieces() {
+                        for class in ShadingClass::SCATTERING {
+                            let rows = piece.run(class as usize);
+                            if !rows.is_empty() {
+                                blocks += shade_class(job, class, rows, order, paths, hits, shadows, next, counters);
+                            }
+                        }
+                    }
+                    blocks
                 });
             }
             if !shadows.is_empty() {
@@ -268,6 +267,30 @@ impl Worker {
             tile.samples[(sample & 1) as usize] += 1;
         }
     }
+}
+
+/// Scatters rows of one class.
+fn shade_class(
+    job: &Job,
+    class: ShadingClass,
+    rows: &[u32],
+    order: &Order,
+    paths: &PathQueue,
+    hits: &HitQueue,
+    shadows: &mut ShadowQueue,
+    next: &mut PathQueue,
+    counters: &mut Counters,
+) -> Blocks {
+    let run = match class {
+        ShadingClass::Unlit | ShadingClass::Lambert => shade::shade::<Lambert, false>,
+        ShadingClass::Opaque => shade::shade::<Opaque, false>,
+        ShadingClass::OpaqueTextured => shade::shade::<Opaque, true>,
+        ShadingClass::Transmissive => shade::shade::<Transmissive, false>,
+        ShadingClass::TransmissiveTextured => shade::shade::<Transmissive, true>,
+    };
+    let Job { scene, settings, sampler, .. } = job;
+    let (materials, parts) = (&order.materials, parts_of(class));
+    run(scene, settings, sampler, rows, materials, parts, paths, hits, shadows, next, counters)
 }
 
 /// The parameters that a class reads.

@@ -1,7 +1,6 @@
 //! One path at a time: the same kernels with one lane and no queues, as the measure of what the wavefront gains.
 //!
-//! The picture is the wavefront's up to the rounding of transcendental functions, which SIMD computes
-//! by other polynomials. For benchmarks and tests.
+//! The picture is the wavefront's to the last bit. For benchmarks and tests.
 
 use super::{
     Job, Worker, absorb,

@@ -7,7 +7,7 @@ use super::{
     dimensions::{self, ray_id},
     direct,
     queues::{HitQueue, Path, PathQueue, Shadow, ShadowQueue},
-    stats::Counters,
+    stats::{Blocks, Counters},
     surface::{self, Incoming, Parts},
 };
 use crate::{
@@ -226,7 +226,8 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
     shadows: &mut ShadowQueue,
     next: &mut PathQueue,
     counters: &mut Counters,
-) {
+) -> Blocks {
+    let mut blocks = Blocks::default();
     // The rows of a block that comes so many later.
     let later = |from: usize, blocks: usize| {
         let first = (from + blocks * LANES).min(rows.len());
@@ -249,11 +250,13 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
         if at.active == 0 {
             continue;
         }
+        blocks += Blocks::one(at.active.count_ones());
         let (connection, departure) = scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, counters);
         push_connections(&at, &connection, shadows, settings.blends);
         push_departures(&at, &departure, next);
     }
     debug_assert!(scene.needs.has(SceneNeeds::TEXTURES) || scene.needs.has(SceneNeeds::VERTEX_COLORS) || !TEXTURED);
+    blocks
 }
 
 #[inline(always)]

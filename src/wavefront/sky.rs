@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{queues::PathQueue, tally::Tally};
+use super::{queues::PathQueue, stats::Blocks, tally::Tally};
 use crate::{
     flat::{EnvironmentLight, FlatScene},
     sampling::mis,
@@ -35,7 +35,7 @@ pub fn sky(
     hidden: bool,
     paths: &PathQueue,
     tally: &mut Tally,
-) {
+) -> Blocks {
     for rows in rows.chunks(LANES) {
         let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
         let column = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
@@ -48,4 +48,5 @@ pub fn sky(
             }
         }
     }
+    Blocks::of(rows.len())
 }

@@ -1,53 +1,91 @@
 //! Orders the hits of a wave by what shading they need.
 
+use std::ops::Range;
+
 use super::{ahead, queues::HitQueue};
 use crate::flat::{FlatScene, NONE, ShadingClass, flags};
 
 /// Key of paths that met nothing; those of hits are their shading class.
 pub const MISS: usize = ShadingClass::COUNT;
 
-/// Rows of a wave by key, and where each key's run starts.
+/// Rows of a wave by key, piece by piece, and where each key's run starts.
 #[derive(Clone, Debug, Default)]
 pub struct Order {
-    /// Rows of the wave: first all of class 0, then of class 1, …, then the misses.
+    /// Rows of the wave, in each piece first all of class 0, then of class 1, …, then the misses.
     pub rows: Vec<u32>,
     /// Material row of each row of the wave.
     pub materials: Vec<u32>,
     /// Rows whose material emits.
     pub emissive: Vec<u32>,
     keys: Vec<u8>,
-    starts: [usize; MISS + 2],
+    /// Of each piece.
+    starts: Vec<Starts>,
 }
 
+type Starts = [u32; MISS + 2];
+
 impl Order {
-    /// Makes room for waves of so many rows.
-    pub fn reserve(&mut self, rows: usize) {
+    /// Makes room for waves of so many rows in pieces of so many.
+    pub fn reserve(&mut self, rows: usize, piece: usize) {
         let columns = [&mut self.rows, &mut self.materials, &mut self.emissive];
         columns.into_iter().for_each(|column| column.reserve(rows.saturating_sub(column.len())));
         self.keys.reserve(rows.saturating_sub(self.keys.len()));
+        self.starts.reserve(rows.div_ceil(piece.max(1)).saturating_sub(self.starts.len()));
     }
 
-    /// Rows with this key.
-    pub fn run(&self, key: usize) -> &[u32] {
-        &self.rows[self.starts[key]..self.starts[key + 1]]
+    /// Pieces that were sorted each for itself.
+    pub fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+        self.starts.iter().map(|starts| Piece { rows: &self.rows, starts })
+    }
+
+    /// Rows with this key, by piece; only pieces that have some.
+    pub fn runs(&self, key: usize) -> impl Iterator<Item = &[u32]> {
+        self.pieces().map(move |piece| piece.run(key)).filter(|run| !run.is_empty())
+    }
+
+    /// Number of rows with this key.
+    pub fn count(&self, key: usize) -> usize {
+        self.runs(key).map(<[u32]>::len).sum()
     }
 }
 
-/// Counting sort: two passes over the keys, stable.
-pub fn sort(scene: &FlatScene, hits: &HitQueue, asks_ahead: bool, order: &mut Order) {
+/// Rows that were sorted together.
+#[derive(Clone, Copy)]
+pub struct Piece<'a> {
+    rows: &'a [u32],
+    starts: &'a Starts,
+}
+
+impl<'a> Piece<'a> {
+    /// Rows with this key.
+    pub fn run(&self, key: usize) -> &'a [u32] {
+        &self.rows[self.starts[key] as usize..self.starts[key + 1] as usize]
+    }
+}
+
+/// Counting sort of each piece of so many rows: two passes over the keys, stable.
+pub fn sort(scene: &FlatScene, hits: &HitQueue, piece: usize, asks_ahead: bool, order: &mut Order) {
     order.keys.clear();
     order.materials.clear();
     order.emissive.clear();
-    let mut counts = [0_usize; MISS + 1];
-    for i in 0..hits.len() {
+    order.starts.clear();
+    order.rows.resize(hits.len(), 0);
+    if asks_ahead {
+        ahead::rows(scene, hits);
+    }
+    for first in (0..hits.len()).step_by(piece.max(1)) {
+        sort_piece(scene, hits, first..hits.len().min(first.saturating_add(piece)), order);
+    }
+}
+
+fn sort_piece(scene: &FlatScene, hits: &HitQueue, piece: Range<usize>, order: &mut Order) {
+    let mut counts = [0; MISS + 1];
+    for i in piece.clone() {
         let instance = hits.instance[i];
         let (key, material) = if instance == NONE {
             (MISS, NONE)
         } else {
             let material = scene.material_of(instance, hits.triangle[i]);
-            if asks_ahead {
-                ahead::row(scene, instance, hits.triangle[i]);
-            }
             if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
                 order.emissive.push(i as u32);
             }
@@ -58,15 +96,16 @@ pub fn sort(scene: &FlatScene, hits: &HitQueue, asks_ahead: bool, order: &mut Or
         order.materials.push(material);
     }
     let mut next = [0; MISS + 1];
-    order.starts[0] = 0;
+    let mut starts = [piece.start as u32; MISS + 2];
     for key in 0..=MISS {
-        next[key] = order.starts[key];
-        order.starts[key + 1] = order.starts[key] + counts[key];
+        next[key] = starts[key];
+        starts[key + 1] = starts[key] + counts[key];
     }
-    order.rows.resize(hits.len(), 0);
-    for (row, &key) in order.keys.iter().enumerate() {
-        order.rows[next[key as usize]] = row as u32;
-        next[key as usize] += 1;
+    order.starts.push(starts);
+    for row in piece {
+        let next = &mut next[order.keys[row] as usize];
+        order.rows[*next as usize] = row as u32;
+        *next += 1;
     }
 }
 
@@ -93,11 +132,17 @@ mod tests {
             hits.push(HitRow { instance, ..HitRow::default() });
         }
         let mut order = Order::default();
-        sort(&scene, &hits, true, &mut order);
-        assert_eq!(order.run(0), [2, 6]);
-        assert_eq!(order.run(1), [3]);
-        assert_eq!(order.run(2), [0, 4]);
-        assert_eq!(order.run(MISS), [1, 5]);
+        let runs = |order: &Order, key| order.runs(key).map(<[u32]>::to_vec).collect::<Vec<_>>();
+        sort(&scene, &hits, hits.len(), true, &mut order);
+        let all = [0, 1, 2, MISS].map(|key| runs(&order, key));
+        assert_eq!(all, [[[2, 6].to_vec()], [[3].to_vec()], [[0, 4].to_vec()], [[1, 5].to_vec()]]);
+        assert_eq!(order.materials, [0, NONE, 1, 2, 0, NONE, 1]);
+        // In pieces of three rows.
+        sort(&scene, &hits, 3, true, &mut order);
+        assert_eq!(order.pieces().count(), 3);
+        assert_eq!(runs(&order, 0), [[2], [6]]);
+        assert_eq!(runs(&order, MISS), [[1], [5]]);
+        assert_eq!(order.count(2), 2);
         assert_eq!(order.materials, [0, NONE, 1, 2, 0, NONE, 1]);
     }
 }

@@ -1,6 +1,9 @@
 //! What the stages did, counted per worker and added up at the end.
 
-use std::time::{Duration, Instant};
+use std::{
+    ops::AddAssign,
+    time::{Duration, Instant},
+};
 
 use crate::render::{RayCounts, RenderStats, StageStats};
 use crate::simd::LANES;
@@ -48,13 +51,54 @@ impl Stage {
     ];
 }
 
+/// Names of all stages, in the order they run.
+pub const STAGES: [&str; Stage::ALL.len()] = {
+    let mut names = [""; Stage::ALL.len()];
+    let mut stage = 0;
+    while stage < names.len() {
+        names[stage] = Stage::ALL[stage].1;
+        stage += 1;
+    }
+    names
+};
+
+/// Blocks of eight lanes that a stage ran.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Blocks {
+    /// How many.
+    pub count: u64,
+    /// Their lanes that held work.
+    pub lanes: u64,
+}
+
+impl Blocks {
+    /// Of rows that lie side by side.
+    pub fn of(rows: usize) -> Self {
+        Self { count: rows.div_ceil(LANES) as u64, lanes: rows as u64 }
+    }
+
+    /// One, with so many lanes that hold work.
+    #[inline(always)]
+    pub fn one(lanes: u32) -> Self {
+        Self { count: 1, lanes: lanes.into() }
+    }
+}
+
+impl AddAssign for Blocks {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        self.count += other.count;
+        self.lanes += other.lanes;
+    }
+}
+
 /// Work of one stage.
 #[derive(Clone, Copy, Debug, Default)]
 struct Work {
     time: Duration,
     rows: u64,
-    /// Lanes that were run; equal to rows for scalar stages.
-    lanes: u64,
+    /// None for stages that take rows one at a time.
+    blocks: Blocks,
 }
 
 /// Counts of one worker.
@@ -80,22 +124,23 @@ pub struct Counters {
 impl Counters {
     /// Times a stage that takes `rows` rows one at a time.
     pub fn time<T>(&mut self, stage: Stage, rows: usize, work: impl FnOnce(&mut Self) -> T) -> T {
-        self.time_lanes(stage, rows, rows, work)
-    }
-
-    /// Times a stage that takes `rows` rows in blocks of eight.
-    pub fn time_blocks<T>(&mut self, stage: Stage, rows: usize, work: impl FnOnce(&mut Self) -> T) -> T {
-        self.time_lanes(stage, rows, rows.next_multiple_of(LANES), work)
-    }
-
-    fn time_lanes<T>(&mut self, stage: Stage, rows: usize, lanes: usize, work: impl FnOnce(&mut Self) -> T) -> T {
         let start = Instant::now();
         let result = work(self);
         let done = &mut self.stages[stage as usize];
         done.time += start.elapsed();
         done.rows += rows as u64;
-        done.lanes += lanes as u64;
         result
+    }
+
+    /// Times a stage that takes `rows` rows in blocks of eight, and says what was in them.
+    pub fn time_blocks(&mut self, stage: Stage, rows: usize, work: impl FnOnce(&mut Self) -> Blocks) {
+        let blocks = self.time(stage, rows, work);
+        self.stages[stage as usize].blocks += blocks;
+    }
+
+    /// Counts rows of a stage that were not known when its time began.
+    pub fn add_rows(&mut self, stage: Stage, rows: usize) {
+        self.stages[stage as usize].rows += rows as u64;
     }
 
     /// Adds another worker's counts.
@@ -103,7 +148,7 @@ impl Counters {
         for (mine, theirs) in self.stages.iter_mut().zip(&other.stages) {
             mine.time += theirs.time;
             mine.rows += theirs.rows;
-            mine.lanes += theirs.lanes;
+            mine.blocks += theirs.blocks;
         }
         self.rays.camera += other.rays.camera;
         self.rays.bounce += other.rays.bounce;
@@ -131,8 +176,9 @@ impl Counters {
             .filter(|(stage, _)| self.stages[*stage as usize].rows > 0)
             .map(|&(stage, name)| {
                 let work = &self.stages[stage as usize];
-                let lane_fill = work.rows as f64 / work.lanes.max(1) as f64;
-                StageStats { name, seconds: work.time.as_secs_f64(), rows: work.rows, lane_fill }
+                let Blocks { count, lanes } = work.blocks;
+                let lane_fill = if count == 0 { 1.0 } else { lanes as f64 / (count * LANES as u64) as f64 };
+                StageStats { name, seconds: work.time.as_secs_f64(), rows: work.rows, blocks: count, lane_fill }
             })
             .collect();
         let counters = [

@@ -118,6 +118,11 @@ struct Fetched {
     mirror: Lanes,
     any_normals: bool,
     any_transform: bool,
+    /// Lanes with normals. What they need leaves the others as they would be alone: no bit may depend on who shares a
+    /// block.
+    smooth: u32,
+    /// Lanes with a transform.
+    transformed: u32,
 }
 
 #[inline(always)]
@@ -130,6 +135,8 @@ fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
         mirror: [1.0; 8],
         any_normals: false,
         any_transform: false,
+        smooth: 0,
+        transformed: 0,
     };
     for lane in 0..F::LANES {
         let instance = hits.instance[lane] as usize;
@@ -140,14 +147,15 @@ fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
             (0..3).for_each(|axis| f.corners[corner][axis][lane] = p[axis]);
         }
         if !mesh.normals.is_empty() {
-            f.any_normals = true;
+            f.smooth |= 1 << lane;
             for (corner, &vertex) in vertices.iter().enumerate() {
                 let n = mesh.normals[vertex as usize];
                 (0..3).for_each(|axis| f.normals[corner][axis][lane] = n[axis]);
             }
         }
-        f.any_transform |= scene.instances.identity[instance] == 0;
+        f.transformed |= u32::from(scene.instances.identity[instance] == 0) << lane;
     }
+    (f.any_normals, f.any_transform) = (f.smooth != 0, f.transformed != 0);
     if f.any_transform {
         for lane in 0..F::LANES {
             let instance = hits.instance[lane] as usize;
@@ -226,16 +234,18 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         // ray's way back into this local space.
         let there = linear_abs(to_world, local.abs()) + translation::<F>(to_world).abs();
         let back_again = linear_abs(to_local, p.abs()) + translation::<F>(to_local).abs();
-        error = linear_abs(to_world, error + back_again * F::splat(gamma(4))) + there * F::splat(gamma(4));
+        let moved = F::Mask::from_bits(f.transformed);
+        let in_world = linear_abs(to_world, error + back_again * F::splat(gamma(4))) + there * F::splat(gamma(4));
+        error = V3::select(moved, in_world, error);
         extent = linear_abs(to_world, extent);
         ng = transposed(to_local, ng);
         ns_raw = transposed(to_local, ns_raw);
         if terminator_fix && f.any_normals {
             world_corners = world_corners.map(|corner| linear(to_world, corner) + translation(to_world));
-            world_normals = world_normals.map(|n| {
-                let n = transposed(to_local, n);
+            world_normals = world_normals.map(|local| {
+                let n = transposed(to_local, local);
                 let length2 = n.length_squared();
-                n * (F::one() / length2.max(F::splat(f32::MIN_POSITIVE)).sqrt())
+                V3::select(moved, n * (F::one() / length2.max(F::splat(f32::MIN_POSITIVE)).sqrt()), local)
             });
         }
     }
@@ -261,12 +271,12 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
 
     let mut params = gather_params(scene, hits, parts);
-    let mut bent = f.any_normals;
+    let mut bent = f.smooth;
     if TEXTURED {
         bent |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
     }
-    if bent {
-        ns = valid_normal(ns, ng, wo);
+    if bent != 0 {
+        ns = V3::select(F::Mask::from_bits(bent), valid_normal(ns, ng, wo), ns);
     }
     let frame = Frame::new(ns);
     let mut wo_local = frame.to_local(wo);
@@ -314,7 +324,7 @@ fn gather_params<F: Real>(scene: &FlatScene, hits: &Incoming<F>, parts: Parts) -
     params
 }
 
-/// Applies textures and vertex colours; true if a shading normal was mapped.
+/// Applies textures and vertex colours; returns the lanes whose shading normal was mapped.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 fn textured<F: Real>(
@@ -325,7 +335,7 @@ fn textured<F: Real>(
     params: &mut Params<F>,
     ns: &mut V3<F>,
     lookups: &mut u64,
-) -> bool {
+) -> u32 {
     let materials = &scene.materials;
     let textures = &scene.textures;
     let mut base = [[1.0; 8]; 3];
@@ -388,7 +398,7 @@ fn textured<F: Real>(
     params.specular_color = params.specular_color * vector(&specular_color);
     params.transmission = params.transmission * F::load(&transmission);
     if mapped == 0 {
-        return false;
+        return 0;
     }
     let mut t: V3<F> = vector(&tangent);
     if f.any_transform {
@@ -406,7 +416,7 @@ fn textured<F: Real>(
     let usable = usable & length2.gt(F::splat(1e-24));
     let n = n * (F::one() / F::select(usable, length2, F::one()).sqrt());
     *ns = V3::select(usable, flip::<F>(hits.back, n), *ns);
-    true
+    mapped
 }
 
 impl<F: Real> Surface<F> {

@@ -114,3 +114,50 @@ fn cells_of_structures_are_drawn() {
     run("--slice y=2.5");
     assert!(first.iter().zip(drawn()).all(|(a, b)| *a != b));
 }
+
+/// The keys and values of `bench wavefront --json`: every way to make the picture is there and compared, blocks are full
+/// where waves are sorted, and less so where they are not.
+#[test]
+fn the_wavefront_is_measured_against_one_path_and_the_reference() {
+    let folder = Folder::new();
+    let out = folder.at("");
+    let words = "bench wavefront scenes/gallery.glb scenes/cornell.gltf --size 32x32 --spp 8 --runs 1 --scaling 1,2";
+    let run = wavecast(words.split(' ').chain(["--json", "-o", out.to_str().unwrap()])).expect(0);
+    let result: Value = serde_json::from_str(&run.stdout).unwrap();
+    let rows = result["rows"].as_array().unwrap();
+    // Three modes, sorted or not, one or two threads, waves of 2³ to 2¹⁷ paths.
+    assert_eq!(rows.len(), 2 * (3 + 2 + 2 + 15));
+    for row in rows {
+        let number = |key: &str| row[key].as_f64();
+        assert!(number("mpaths_per_second").unwrap() > 0.0 && number("queue_bytes").unwrap() > 0.0, "{row}");
+        assert!(number("first_over_min") <= number("first_over") && number("first_over") <= number("first_over_max"));
+        // Each path has at least one ray; the reference does not count.
+        assert_eq!(number("mrays_per_second").is_none(), row["mode"] == "reference", "{row}");
+        assert!(number("mrays_per_second").is_none_or(|rays| rays >= number("mpaths_per_second").unwrap()), "{row}");
+    }
+    let of = |part: &str, key: &str| -> Vec<Value> {
+        rows.iter().filter(|row| row["part"] == part).map(|row| row[key].clone()).take(15).collect()
+    };
+    assert_eq!(of("modes", "mode")[..3], ["wavefront", "one-path", "reference"]);
+    assert_eq!(of("sort", "sorted")[..2], [true, false]);
+    assert_eq!(of("threads", "threads")[..2], [1, 2]);
+    assert_eq!(of("wave-size", "wave_size")[..2], [2048, 8]);
+    assert_eq!(rows[0]["first_over"], 1.0);
+    let stages = result["stages"].as_array().unwrap();
+    let stage = |name: &str| stages.iter().find(|stage| stage["stage"] == name).unwrap();
+    // 1024 pixels and 8 samples are 1024 blocks, but for those that the end of a wave cuts in two.
+    let [rows, blocks, fill] = ["rows", "blocks", "lane_fill"].map(|key| stage("generate")[key].as_f64().unwrap());
+    assert!(rows == 8192.0 && (1024.0..1064.0).contains(&blocks) && fill == rows / (8.0 * blocks), "{blocks} {fill}");
+    let [sorted, unsorted] = ["lane_fill", "lane_fill_unsorted"].map(|key| stage("shade")[key].as_f64().unwrap());
+    assert!(sorted > 0.9 && unsorted < 0.9 * sorted, "{sorted} {unsorted}");
+    assert!(stage("intersect")["lane_fill"].is_null() && stage("intersect")["rows"].as_u64().unwrap() > 8192);
+    let shares: f64 = stages.iter().map(|stage| stage["share"].as_f64().unwrap()).sum();
+    assert!((shares - 2.0).abs() < 1e-6, "{shares} for two scenes");
+    let lines = |name: &str| std::fs::read_to_string(folder.at(name)).unwrap().lines().count();
+    assert_eq!((lines("wavefront.csv"), lines("wavefront-stages.csv")), (2 * 22 + 1, stages.len() + 1));
+    assert_eq!(
+        folder.names(),
+        ["stages.svg", "wave-size.svg", "wavefront-stages.csv", "wavefront.csv", "wavefront.md"]
+    );
+    line("bench wavefront").expect(2).says("SCENE");
+}

@@ -22,6 +22,7 @@ fn threads_tiles_and_waves_do_not_change_a_bit() {
         RenderSettings { wave_size: 8, ..base.clone() },
         RenderSettings { wave_size: 100, threads: 7, tile_size: 7, ..base.clone() },
         RenderSettings { wave_size: 5000, ..base.clone() },
+        RenderSettings { sort: false, ..base.clone() },
     ];
     for variant in variants {
         let got = renderer.render(&variant, &()).picture;

@@ -44,7 +44,7 @@ impl Settings {
     fn new(args: &Args) -> Result<Self, CliError> {
         let (peers, peers_are) = peers(args)?;
         let runs = args.runs.unwrap_or(if peers_are.is_some() { RUNS_WITH_PEERS } else { RUNS });
-        let scaling = args.scaling.iter().map(|threads| threads.get()).collect();
+        let scaling = if args.scaling.is_empty() { vec![1] } else { args.scaling.iter().map(|n| n.get()).collect() };
         Ok(Self { chosen: chosen(&args.accel)?, peers, peers_are, runs, rays: args.rays, scaling })
     }
 }
@@ -98,7 +98,9 @@ pub fn report(
     console: &mut Console,
 ) -> Result<Outcome, CliError> {
     if let Some(folder) = folder {
-        for (ending, text) in [("csv", csv(rows)), ("md", markdown(rows, settings.peers_are.as_deref()))] {
+        for (ending, text) in
+            [("csv", csv(rows.iter().map(Row::json))), ("md", markdown(rows, settings.peers_are.as_deref()))]
+        {
             let path = folder.join(file).with_extension(ending);
             fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
         }

@@ -13,6 +13,7 @@ mod rays;
 mod report;
 mod subject;
 mod truth;
+mod wavefront;
 
 use std::{num::NonZeroUsize, path::PathBuf};
 
@@ -20,11 +21,17 @@ use self::{
     draw::Slice,
     subject::{Source, View},
 };
-use super::{Outcome, console::Console, error::CliError};
+use super::{
+    Outcome,
+    args::{self, EnvArg, Size},
+    console::Console,
+    error::CliError,
+};
 
 /// Measure parts of the program on this machine
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  wavecast bench accel hall foliage:1e5 scenes/gallery.glb -o results
+  wavecast bench wavefront scenes/cornell.gltf --parts modes -o results
 
 SCENE is a .gltf or .glb file, or one that is made on the spot, of about N triangles (1e3 to 1e7):
   hall[:N]     a room with columns and statues; 1.1e6 if nothing is said
@@ -36,7 +43,7 @@ pub struct Args {
     #[arg(value_name = "WHAT")]
     what: What,
     /// Scenes: .gltf, .glb, hall[:N], foliage[:N]; kernels are measured without
-    #[arg(value_name = "SCENE", required_if_eq("what", "accel"), value_parser = subject::source)]
+    #[arg(value_name = "SCENE", required_if_eq_any([("what", "accel"), ("what", "wavefront")]), value_parser = subject::source)]
     scenes: Vec<Source>,
     /// Look from one point to another, in metres, and not through the scene's camera
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = subject::view, allow_hyphen_values = true)]
@@ -44,7 +51,8 @@ pub struct Args {
     /// Folder for tables (CSV, Markdown) and plots (SVG); made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Times each figure is taken; the median counts [default: 5; in comparison with others 9]
+    /// Times each figure is taken; the median counts [default: 5; wavefront: 7; in comparison with
+    /// others 9]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     runs: Option<u32>,
     /// Structures, by name [default: all but brute force, which is what the others are checked against]
@@ -55,9 +63,22 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 65_536, value_parser = clap::value_parser!(u32).range(64..))]
     rays: u32,
     /// Numbers of threads that the rays are divided between, measured one after the other; structures are built by
-    /// --threads
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1")]
+    /// --threads. wavefront measures all else with the first [default: 1; wavefront: 1, 2, 4, … up to
+    /// --threads]
+    #[arg(long, value_name = "N", value_delimiter = ',')]
     scaling: Vec<NonZeroUsize>,
+    /// wavefront: pixels
+    #[arg(long, value_name = "WxH", value_parser = args::size, default_value = "256x256")]
+    size: Size,
+    /// wavefront: samples per pixel; the reference takes 2 of a fourth of the pixels
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+    /// wavefront: environment, a lat-long picture in nit, or R,G,B in nit
+    #[arg(long, value_name = "FILE|R,G,B", value_parser = args::env)]
+    env: Option<EnvArg>,
+    /// wavefront: what is measured [default: all]
+    #[arg(long, value_name = "PART", value_enum, value_delimiter = ',')]
+    parts: Vec<Part>,
     /// Measure generated scenes in several sizes, in triangles [default: 1e3,1e4,1e5,1e6,1e7]
     #[arg(
         long,
@@ -90,6 +111,21 @@ enum What {
     Accel,
     /// Ray-triangle tests: their cost, and whether rays slip through between triangles
     Kernels,
+    /// The render loop: paths per second, in total and by stage, against one path at a time and the reference
+    Wavefront,
+}
+
+/// A part of `bench wavefront`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    /// The wavefront, one path at a time, the f64 reference
+    Modes,
+    /// Waves sorted by shading class, and as they are
+    Sort,
+    /// Numbers of threads
+    Threads,
+    /// Numbers of paths in a wave
+    WaveSize,
 }
 
 /// Measures.
@@ -97,5 +133,6 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     match args.what {
         What::Accel => accel::run(args, console),
         What::Kernels => kernels::run(args, console),
+        What::Wavefront => wavefront::run(args, console),
     }
 }

@@ -12,7 +12,7 @@ use super::{contender::structures, report::Row};
 use crate::cli::error::CliError;
 
 /// One for each structure of ours (Okabe, Ito 2008, "Color Universal Design", and one of the same kind).
-const COLORS: [RGBColor; 8] = [
+pub const COLORS: [RGBColor; 8] = [
     RGBColor(213, 94, 0),
     RGBColor(0, 114, 178),
     RGBColor(0, 158, 115),

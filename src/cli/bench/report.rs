@@ -81,10 +81,9 @@ impl Row {
 }
 
 /// For programs that draw and calculate.
-pub fn csv(rows: &[Row]) -> String {
+pub fn csv(rows: impl Iterator<Item = Map<String, Value>>) -> String {
     let mut text = String::new();
-    for (line, row) in rows.iter().enumerate() {
-        let row = row.json();
+    for (line, row) in rows.enumerate() {
         if line == 0 {
             text += &(row.keys().map(String::as_str).collect::<Vec<_>>().join(",") + "\n");
         }

@@ -102,6 +102,14 @@ pub struct View {
     target: DVec3,
 }
 
+impl View {
+    /// Puts a camera there, and makes it the scene's.
+    pub fn take(self, scene: &mut Scene) {
+        let pose = LocalTransform::looking_at(self.eye, self.target, DVec3::Y);
+        scene.active_camera = Some(scene.spawn((Camera::perspective(VIEW), pose)));
+    }
+}
+
 /// Six numbers: the eye and a point that it looks at, m.
 pub fn view(text: &str) -> Result<View, String> {
     let numbers: Result<Vec<f32>, _> = text.split(',').map(args::finite).collect();
@@ -128,9 +136,8 @@ impl Subject {
     /// Reads or makes the scene.
     pub fn new(source: &Source, view: Option<View>, console: &mut Console) -> Result<Self, CliError> {
         let mut scene = source.scene(console)?;
-        if let Some(View { eye, target }) = view {
-            let pose = LocalTransform::looking_at(eye, target, DVec3::Y);
-            scene.active_camera = Some(scene.spawn((Camera::perspective(VIEW), pose)));
+        if let Some(view) = view {
+            view.take(&mut scene);
         }
         let mut renderer = Renderer::new();
         renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));

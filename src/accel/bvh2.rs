@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::{
     Cell, Counters, Nearest, Ray, Structure, TriangleHit,
     space::{Beam, Bounds, Soup},
+    structure::asked_by_walking,
 };
 
 /// Triangles in a leaf at most. The builder makes fewer where its cost says so.
@@ -59,11 +60,18 @@ pub struct Bvh2 {
 }
 
 impl Bvh2 {
-    /// Tests a node's box.
+    /// [`Bvh2::walk_within`] the boxes of the tree.
     #[inline(always)]
-    fn beam(&self, ray: &Ray) -> impl Fn(u32, f32) -> (f32, f32) {
+    fn walk<C: Counters>(
+        &self,
+        ray: &Ray,
+        t_end: f32,
+        counters: &mut C,
+        leaf: impl FnMut(std::ops::Range<u32>, &mut C) -> f32,
+    ) {
         let beam = Beam::new(ray, &self.soup.bounds);
-        move |node, t_end| beam.within(&self.nodes[node as usize].bounds, t_end)
+        let within = |node: u32, t_end| beam.within(&self.nodes[node as usize].bounds, t_end);
+        self.walk_within(within, t_end, counters, leaf);
     }
 
     /// Indices of the triangles below a node.
@@ -83,7 +91,7 @@ impl Bvh2 {
     /// new `t_end`, below zero to end the walk. `within` gives the distances from and up to which the ray is in a node's
     /// box, within 0 to `t_end`.
     #[inline(always)]
-    pub(super) fn walk<C: Counters>(
+    pub(super) fn walk_within<C: Counters>(
         &self,
         within: impl Fn(u32, f32) -> (f32, f32),
         mut t_end: f32,
@@ -224,33 +232,7 @@ impl Structure for Bvh2 {
         }
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(self.beam(ray), best.t, counters, |positions, counters| {
-            self.soup.nearest(positions, ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(self.beam(ray), t_max, counters, |positions, counters| {
-            found = self.soup.occluded(positions, ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!();
 }
 
 #[cfg(test)]

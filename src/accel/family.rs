@@ -318,14 +318,7 @@ fn every_structure_finds_exactly_what_brute_force_finds() {
 fn waves_find_exactly_what_brute_force_finds() {
     for (name, triangles) in scenes() {
         let truth = Brute::build(&triangles);
-        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let only = InstanceRef {
-            blas: Arc::new(Blas::build(&triangles)),
-            world_from_local: identity,
-            local_from_world: identity,
-            identity: true,
-            check: false,
-        };
+        let only = InstanceRef::unmoved(Arc::new(Blas::build(&triangles)));
         let accel = Accel::build(vec![only]);
         let list: Vec<_> = rays(&triangles, 2000, 12).iter().map(|r| (r.origin, r.direction, f32::INFINITY)).collect();
         let list = RayList(&list);

@@ -59,9 +59,7 @@ impl Merged {
             corners.extend(own.into_iter().map(|(_, corners)| corners));
         }
         let blas = Arc::new(Blas::build_as(AccelKind::Bvh8(Quality::Good), &corners));
-        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let together =
-            InstanceRef { blas, world_from_local: identity, local_from_world: identity, identity: true, check: false };
+        let together = InstanceRef::unmoved(blas);
         Some((Self { row: instances.len() as u32, names }, together))
     }
 

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::{
     Bvh2, Cell, Counters, Nearest, Ray, Shape, Structure, TriangleHit,
     space::{Beam, Bounds, Soup, margin},
+    structure::asked_by_walking,
 };
 
 /// Part of its surface that a box has to keep at most for being turned. Of 0.3, 0.5, 0.7 and 0.9 the smallest: hair and
@@ -131,7 +132,7 @@ impl Obb {
         self.turns.len() as f64 / self.boxes.len().max(1) as f64
     }
 
-    /// See [`Bvh2::walk`].
+    /// See [`Bvh2::walk_within`].
     #[inline(always)]
     fn walk<C: Counters>(
         &self,
@@ -149,7 +150,7 @@ impl Obb {
                 Some(turn) => turn.beam(ray, margin).within(bounds, t_end),
             }
         };
-        self.tree.walk(within, t_end, counters, leaf);
+        self.tree.walk_within(within, t_end, counters, leaf);
     }
 }
 
@@ -209,33 +210,7 @@ impl Structure for Obb {
         self.tree.references()
     }
 
-    fn nearest(
-        &self,
-        ray: &Ray,
-        best: &mut Nearest,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) {
-        self.walk(ray, best.t, counters, |positions, counters| {
-            self.tree.soup.nearest(positions, ray, best, &accept, counters);
-            best.t
-        });
-    }
-
-    fn occluded(
-        &self,
-        ray: &Ray,
-        t_max: f32,
-        accept: impl Fn(u32, &TriangleHit) -> bool,
-        counters: &mut impl Counters,
-    ) -> bool {
-        let mut found = false;
-        self.walk(ray, t_max, counters, |positions, counters| {
-            found = self.tree.soup.occluded(positions, ray, t_max, &accept, counters);
-            if found { -1.0 } else { t_max }
-        });
-        found
-    }
+    asked_by_walking!(tree.soup);
 }
 
 #[cfg(test)]

@@ -130,12 +130,15 @@ pub trait Structure: Send + Sync + Sized {
     ) -> bool;
 }
 
-/// `nearest` and `occluded` of a [`Structure`] with a `soup` and a `walk`.
+/// `nearest` and `occluded` of a [`Structure`] with a `walk` and a soup, `soup` if nothing is said.
 ///
 /// A walk is given the ray, where it ends, the counters, and what is done with the references of each leaf that it comes
 /// to. That returns where the ray ends now, below zero to end the walk.
 macro_rules! asked_by_walking {
     () => {
+        asked_by_walking!(soup);
+    };
+    ($($soup:ident).+) => {
         fn nearest(
             &self,
             ray: &Ray,
@@ -144,7 +147,7 @@ macro_rules! asked_by_walking {
             counters: &mut impl Counters,
         ) {
             self.walk(ray, best.t, counters, |references, counters| {
-                self.soup.nearest(references, ray, best, &accept, counters);
+                self.$($soup).+.nearest(references, ray, best, &accept, counters);
                 best.t
             });
         }
@@ -158,7 +161,7 @@ macro_rules! asked_by_walking {
         ) -> bool {
             let mut found = false;
             self.walk(ray, t_max, counters, |references, counters| {
-                found = self.soup.occluded(references, ray, t_max, &accept, counters);
+                found = self.$($soup).+.occluded(references, ray, t_max, &accept, counters);
                 if found { -1.0 } else { t_max }
             });
             found

@@ -52,6 +52,14 @@ pub struct InstanceRef {
     pub check: bool,
 }
 
+impl InstanceRef {
+    /// A mesh where it was made.
+    pub fn unmoved(blas: Arc<Blas>) -> Self {
+        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        Self { blas, world_from_local: identity, local_from_world: identity, identity: true, check: false }
+    }
+}
+
 /// Scratch of a traversal: a stack for the top level and one for meshes.
 #[derive(Clone, Debug, Default)]
 pub struct Stacks {

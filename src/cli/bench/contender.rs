@@ -104,14 +104,7 @@ impl Waves {
     pub fn build(triangles: &[Corners]) -> Self {
         let blas = Blas::build(triangles);
         let references = blas.references();
-        let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let only = InstanceRef {
-            blas: Arc::new(blas),
-            world_from_local: identity,
-            local_from_world: identity,
-            identity: true,
-            check: false,
-        };
+        let only = InstanceRef::unmoved(Arc::new(blas));
         Self { accel: Accel::build(vec![only]), references }
     }
 

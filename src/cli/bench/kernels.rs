@@ -96,14 +96,7 @@ fn single<S: Structure + 'static>() -> (&'static str, Ask) {
 
 /// The renderer's way: waves through the eight-wide tree.
 fn waves(mesh: &Closed) -> Box<dyn Fn(&wavecast::accel::RayList) -> usize + Sync> {
-    let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    let only = InstanceRef {
-        blas: Arc::new(Blas::build(&mesh.triangles)),
-        world_from_local: identity,
-        local_from_world: identity,
-        identity: true,
-        check: false,
-    };
+    let only = InstanceRef::unmoved(Arc::new(Blas::build(&mesh.triangles)));
     let accel = Accel::build(vec![only]);
     Box::new(move |rays| misses_of_waves(&accel, rays))
 }

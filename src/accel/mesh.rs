@@ -188,7 +188,7 @@ impl Structure for Blas {
         }
     }
 
-    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`].
+    /// One ray alone, for comparison; waves go through [`Accel::nearest_of`](super::Accel::nearest_of).
     fn nearest(
         &self,
         ray: &Ray,

@@ -437,6 +437,12 @@ impl Node {
         self.0[NODE - 1].0
     }
 
+    /// Planes of the boxes by axis, lower ones before upper ones.
+    #[inline(always)]
+    pub fn planes(&self) -> &[[f32; 2 * LANES]] {
+        bytemuck::cast_slice::<_, f32>(&self.0).as_chunks().0
+    }
+
     /// Distances from and up to which the ray is in the boxes, the latter at most a little more than `t_max`; first above
     /// second where it misses.
     ///
@@ -444,10 +450,9 @@ impl Node {
     /// infinities, or NaN on a slab's plane, which the order of operands in `fast_min` and `fast_max` drops.
     #[inline(always)]
     pub fn distances(&self, ray: &Ray, t_max: f32) -> (f32x8, f32x8) {
-        let (planes, _) = bytemuck::cast_slice::<_, f32>(&self.0).as_chunks::<{ 2 * LANES }>();
         let mut near = f32x8::ZERO;
         let mut far = f32x8::splat(t_max);
-        for (axis, planes) in planes.iter().enumerate() {
+        for (axis, planes) in self.planes().iter().enumerate() {
             let at = |side: Side| f32x8::new(*planes[side as usize..].first_chunk().expect("a side"));
             let against = f32x8::splat(ray.against[axis]);
             let origin = f32x8::splat(ray.origin[axis]);

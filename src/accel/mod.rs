@@ -7,7 +7,7 @@
 //!
 //! A mesh is put into one of a family of structures ([`AccelKind`]). Some divide its
 //! triangles and let boxes overlap: `bvh8`, eight boxes to a node, through which waves
-//! of rays go (`queue`), and its textbook form [`Bvh2`]. Others divide space, and refer
+//! of rays go (`queue`; those of a camera together, `packet`), and its textbook form [`Bvh2`]. Others divide space, and refer
 //! to a triangle from every cell that it is in: [`Grid`] into equal cells, [`Octree`]
 //! into halves across all axes at once, [`KdTree`] by planes across one axis, [`Bsp`] by
 //! planes of any direction. [`Brute`] does neither, and is the truth for all others:
@@ -29,6 +29,7 @@ mod mesh;
 mod obb;
 mod octree;
 mod open;
+mod packet;
 mod polytope;
 mod queue;
 pub mod slab;
@@ -50,7 +51,7 @@ pub use self::{
     mesh::{AccelKind, Blas},
     obb::Obb,
     octree::Octree,
-    queue::{RayList, Rays, Segment},
+    queue::{RayList, Rays, Segment, SideBySide},
     structure::{Cell, Counters, Nearest, Shape, Structure, Work},
     triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
@@ -85,7 +86,7 @@ mod tests {
     use super::*;
 
     /// xorshift: enough to scatter test triangles.
-    fn numbers(mut state: u64) -> impl FnMut() -> f32 {
+    pub(super) fn numbers(mut state: u64) -> impl FnMut() -> f32 {
         move || {
             state ^= state << 13;
             state ^= state >> 7;

@@ -31,11 +31,11 @@ const LEAVE: u32 = u32::MAX - 1;
 const DONE: u32 = u32::MAX;
 /// How much farther than it is the nearest hit counts when subtrees are passed by: their distance carries a lane in its
 /// last three bits.
-const CULL: f32 = BEYOND * (1.0 + 9.0 * f32::EPSILON);
+pub(super) const CULL: f32 = BEYOND * (1.0 + 9.0 * f32::EPSILON);
 /// The bits of a distance that are its own.
-const OWN: u32 = !(LANES as u32 - 1);
+pub(super) const OWN: u32 = !(LANES as u32 - 1);
 /// The lanes, to be carried.
-const LANE: [u32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
+pub(super) const LANE: [u32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
 
 /// Rays to be traced.
 pub trait Rays {
@@ -45,6 +45,37 @@ pub trait Rays {
     fn ray(&self, index: usize) -> ([f32; 3], [f32; 3], f32);
     /// Name of the ray, for surfaces that stop some rays only.
     fn id(&self, index: usize) -> u32;
+
+    /// Index from which on rays that follow one another run side by side, as those of a camera do. If so many do not, that
+    /// costs time and nothing else.
+    #[inline(always)]
+    fn coherent_from(&self) -> usize {
+        self.count()
+    }
+}
+
+/// Rays of which all run [side by side](Rays::coherent_from).
+#[derive(Clone, Copy, Debug)]
+pub struct SideBySide<R>(pub R);
+
+impl<R: Rays> Rays for SideBySide<R> {
+    fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    #[inline(always)]
+    fn ray(&self, index: usize) -> Segment {
+        self.0.ray(index)
+    }
+
+    #[inline(always)]
+    fn id(&self, index: usize) -> u32 {
+        self.0.id(index)
+    }
+
+    fn coherent_from(&self) -> usize {
+        0
+    }
 }
 
 /// Start, direction, end in units of the direction.
@@ -71,7 +102,7 @@ impl<L: AsRef<[Segment]>> Rays for RayList<L> {
 }
 
 /// The lanes of each mask: those whose bit is set, then the others.
-static COMPRESS: [[u16; LANES]; 256] = {
+pub(super) static COMPRESS: [[u16; LANES]; 256] = {
     let mut table = [[0; LANES]; 256];
     let mut mask = 0;
     while mask < 256 {
@@ -176,7 +207,7 @@ const YES: u32 = u32::MAX;
 
 /// The first four lanes in descending order.
 #[inline(always)]
-fn sort4(mut keys: f32x8) -> f32x8 {
+pub(super) fn sort4(mut keys: f32x8) -> f32x8 {
     {
         order!(keys, [1, 0, 3, 2, 5, 4, 7, 6], [YES, 0, 0, YES, YES, 0, 0, YES]);
     }
@@ -191,7 +222,7 @@ fn sort4(mut keys: f32x8) -> f32x8 {
 
 /// All eight lanes in descending order (Batcher 1968, "Sorting networks and their applications").
 #[inline(always)]
-fn sort8(keys: f32x8) -> f32x8 {
+pub(super) fn sort8(keys: f32x8) -> f32x8 {
     let mut keys = sort4(keys);
     {
         order!(keys, [4, 5, 6, 7, 0, 1, 2, 3], [YES, YES, YES, YES, 0, 0, 0, 0]);

@@ -34,17 +34,17 @@ pub struct Ray {
 /// there are no others, and does not look whether they are inside the block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-enum Axis {
+pub(super) enum Axis {
     X = 0,
     Y = 4,
     Z = 8,
 }
 
 impl Axis {
-    const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
     #[inline(always)]
-    fn number(self) -> usize {
+    pub fn number(self) -> usize {
         self as usize / TriangleQuad::MOST
     }
 }
@@ -213,8 +213,13 @@ pub trait Leaf: Sized {
     /// Row of a lane's triangle.
     fn row(&self, lane: usize) -> u32;
 
+    /// A coordinate of a corner of a lane's triangle.
+    fn coordinate(&self, corner: usize, axis: usize, lane: usize) -> f32;
+
     /// Corners of a lane's triangle.
-    fn corners(&self, lane: usize) -> [[f32; 3]; 3];
+    fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
+        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| self.coordinate(corner, axis, lane)))
+    }
 
     /// [`intersect`] for all, with the same roundings: its SIMD twin.
     fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit;
@@ -229,41 +234,76 @@ pub trait Leaf: Sized {
 /// More than infinity, in the order of bits: where there is no hit.
 const NOWHERE: f32 = f32::from_bits(u32::MAX >> 1);
 
-/// What the test says of eight triangles: distances and barycentrics, and which are hit.
-struct Met {
-    t: f32x8,
-    b1: f32x8,
-    b2: f32x8,
-    back: f32x8,
-    hits: f32x8,
+/// What the test says of eight pairs of ray and triangle: distances and barycentrics, and which are hit.
+pub(super) struct Met {
+    pub t: f32x8,
+    pub b1: f32x8,
+    pub b2: f32x8,
+    pub back: f32x8,
+    pub hits: f32x8,
 }
 
-/// The test of eight triangles, given their corners' coordinates.
-#[inline(always)]
-fn intersect_all(ray: &Ray, t_max: f32, at: impl Fn(usize, Axis) -> f32x8) -> Met {
-    let [kx, ky, kz] = ray.axes;
-    let [sx, sy, sz] = ray.shear.map(f32x8::splat);
-    let [ox, oy, oz] = ray.from.map(f32x8::splat);
-    let sheared = |corner: usize| {
-        let (x, y, z) = (at(corner, kx) - ox, at(corner, ky) - oy, at(corner, kz) - oz);
-        (x - sx * z, y - sy * z, z)
-    };
-    let (ax, ay, az) = sheared(0);
-    let (bx, by, bz) = sheared(1);
-    let (cx, cy, cz) = sheared(2);
-    let u = cx * by - cy * bx;
-    let v = ax * cy - ay * cx;
-    let w = bx * ay - by * ax;
-    let zero = f32x8::ZERO;
-    let least = u.fast_min(v).fast_min(w);
-    let most = u.fast_max(v).fast_max(w);
-    let inside = least.simd_ge(zero) | most.simd_le(zero);
-    let det = u + v + w;
-    let inside = inside & det.simd_ne(zero);
-    let inv_det = f32x8::ONE / det;
-    let t = (u * az + v * bz + w * cz) * sz * inv_det;
-    let hits = inside & t.simd_gt(zero) & t.simd_le(f32x8::splat(t_max));
-    Met { t, b1: v * inv_det, b2: w * inv_det, back: det.simd_lt(zero), hits }
+/// Eight rays, or one eight times over, as the test needs them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sheared {
+    pub axes: [Axis; 3],
+    /// For the axis that the rays mostly run along and the two others.
+    pub shear: [f32x8; 3],
+    /// Where they start, by the same axes.
+    pub from: [f32x8; 3],
+}
+
+/// The first half of the test: which lanes are inside all edges, and what the rest needs.
+pub(super) struct Edges {
+    u: f32x8,
+    v: f32x8,
+    w: f32x8,
+    /// Of the corners, along the rays.
+    depth: [f32x8; 3],
+    det: f32x8,
+    pub inside: f32x8,
+}
+
+impl Sheared {
+    /// That of a ray, for eight triangles.
+    #[inline(always)]
+    fn of(ray: &Ray) -> Self {
+        Self { axes: ray.axes, shear: ray.shear.map(f32x8::splat), from: ray.from.map(f32x8::splat) }
+    }
+
+    /// Tests eight pairs of ray and triangle, given the coordinates of the triangles' corners.
+    #[inline(always)]
+    pub fn edges(&self, at: impl Fn(usize, Axis) -> f32x8) -> Edges {
+        let [kx, ky, kz] = self.axes;
+        let [sx, sy, _] = self.shear;
+        let [ox, oy, oz] = self.from;
+        let sheared = |corner: usize| {
+            let (x, y, z) = (at(corner, kx) - ox, at(corner, ky) - oy, at(corner, kz) - oz);
+            (x - sx * z, y - sy * z, z)
+        };
+        let (ax, ay, az) = sheared(0);
+        let (bx, by, bz) = sheared(1);
+        let (cx, cy, cz) = sheared(2);
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let zero = f32x8::ZERO;
+        let least = u.fast_min(v).fast_min(w);
+        let most = u.fast_max(v).fast_max(w);
+        let inside = least.simd_ge(zero) | most.simd_le(zero);
+        let det = u + v + w;
+        Edges { u, v, w, depth: [az, bz, cz], det, inside: inside & det.simd_ne(zero) }
+    }
+
+    /// The second half of the test.
+    #[inline(always)]
+    pub fn meet(&self, edges: Edges, t_max: f32x8) -> Met {
+        let Edges { u, v, w, depth: [az, bz, cz], det, inside } = edges;
+        let inv_det = f32x8::ONE / det;
+        let t = (u * az + v * bz + w * cz) * self.shear[2] * inv_det;
+        let hits = inside & t.simd_gt(f32x8::ZERO) & t.simd_le(t_max);
+        Met { t, b1: v * inv_det, b2: w * inv_det, back: det.simd_lt(f32x8::ZERO), hits }
+    }
 }
 
 impl Met {
@@ -335,9 +375,10 @@ macro_rules! leaf {
                 bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes + lane % $lanes]
             }
 
-            fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
-                let numbers = bytemuck::cast_slice::<_, f32>(&self.0);
-                [0, 3, 6].map(|corner| [0, 1, 2].map(|axis| numbers[(corner + axis) * $lanes + lane % $lanes]))
+            #[inline(always)]
+            fn coordinate(&self, corner: usize, axis: usize, lane: usize) -> f32 {
+                let (corners, _) = bytemuck::cast_slice::<_, f32>(&self.0).as_chunks::<{ 3 * $lanes }>();
+                corners[corner][axis * $lanes + lane % $lanes]
             }
 
             #[inline(always)]
@@ -360,14 +401,16 @@ macro_rules! leaf {
             #[inline(always)]
             fn met(&self, ray: &Ray, t_max: f32) -> Met {
                 let (corners, _) = bytemuck::cast_slice::<_, f32>(&self.0).as_chunks::<{ 3 * $lanes }>();
-                intersect_all(ray, t_max, |corner, axis| {
+                let ray = Sheared::of(ray);
+                let edges = ray.edges(|corner, axis| {
                     let own: [f32; $lanes] = *corners[corner][axis as usize * ($lanes / TriangleQuad::MOST)..]
                         .first_chunk()
                         .expect("an axis");
                     let mut all = [0.0; LANES];
                     all[..$lanes].copy_from_slice(&own);
                     f32x8::new(all)
-                })
+                });
+                ray.meet(edges, f32x8::splat(t_max))
             }
         }
     };

@@ -11,7 +11,7 @@ use super::{
     merge::Merged,
     mesh::Other,
     open::{open, world_bounds},
-    queue,
+    packet, queue,
     structure::{Counters, Nearest},
     triangle::{Block, BlockHit, Ray, TriangleHit},
 };
@@ -190,6 +190,9 @@ impl Accel {
     }
 
     /// [`Accel::nearest_of`], counting its work, but only where rays go in waves: in eight-wide trees that are not too deep.
+    ///
+    /// A node counts for each eight tests of a box, whether of a node's boxes by a ray or by the bounds of a packet, or of
+    /// one box by eight rays; triangles count for each ray that is tested, idle lanes with them.
     pub fn nearest_counted<C: Coverage>(
         &self,
         rays: &impl Rays,
@@ -204,6 +207,8 @@ impl Accel {
                 let (origin, direction, t_max) = rays.ray(index);
                 done(index, &self.nearest(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
+        } else if C::TRIVIAL && rays.coherent_from() < rays.count() {
+            packet::trace(self, rays, coverage, counters, done);
         } else {
             queue::trace::<false, C>(self, rays, coverage, counters, done);
         }
@@ -277,7 +282,7 @@ fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) 
 }
 
 #[inline(always)]
-fn nearest_in<C: Coverage>(
+pub(super) fn nearest_in<C: Coverage>(
     accel: &Accel,
     instance: &InstanceRef,
     part: Part,

@@ -53,15 +53,44 @@ impl Lens {
     }
 }
 
-/// Which camera samples of a tile have been started: sample by sample, pixel by pixel.
+/// Which camera samples of a tile have been started: eight neighbouring pixels at a time, of these sample by sample, so
+/// that rays which follow one another run side by side.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor {
-    /// Next sample.
+    /// Next sample; `end` when all are started.
     pub sample: u32,
     /// One past the last sample.
     pub end: u32,
+    first: u32,
+    /// First of the eight pixels.
+    block: u32,
     /// Next pixel.
-    pub pixel: u32,
+    pixel: u32,
+}
+
+impl Cursor {
+    /// Before the samples `from..to` of all pixels.
+    pub fn new(from: u32, to: u32) -> Self {
+        Self { sample: from, end: to, first: from, block: 0, pixel: 0 }
+    }
+
+    /// Past so many pixels of the eight, of so many in the tile.
+    fn advance(&mut self, count: u32, pixels: u32) {
+        self.pixel += count;
+        let next = self.next_block(pixels);
+        if self.pixel < next {
+            return;
+        }
+        self.pixel = self.block;
+        self.sample += 1;
+        if self.sample == self.end && next < pixels {
+            (self.sample, self.block, self.pixel) = (self.first, next, next);
+        }
+    }
+
+    fn next_block(&self, pixels: u32) -> u32 {
+        pixels.min(self.block + LANES as u32)
+    }
 }
 
 /// Adds paths to the queue until it holds `capacity` or the cursor is at its end.
@@ -78,7 +107,8 @@ pub fn generate(
     let [x0, y0, width, height] = tile;
     let pixels = width * height;
     while cursor.sample < cursor.end && paths.len() < capacity {
-        let count = ((pixels - cursor.pixel) as usize).min(LANES).min(capacity - paths.len());
+        let left = cursor.next_block(pixels) - cursor.pixel;
+        let count = (left as usize).min(capacity - paths.len());
         blocks += Blocks::one(count as u32);
         let place = |lane: usize| {
             let slot = cursor.pixel + (lane.min(count - 1)) as u32;
@@ -116,11 +146,31 @@ pub fn generate(
                 medium: NONE,
             });
         }
-        cursor.pixel += count as u32;
-        if cursor.pixel == pixels {
-            cursor.pixel = 0;
-            cursor.sample += 1;
-        }
+        cursor.advance(count as u32, pixels);
     }
     blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tiles whose pixels do and do not fill blocks, started in pieces of all sizes: the samples of each pixel ascend,
+    /// and nothing is left out.
+    #[test]
+    fn each_sample_of_each_pixel_is_started_once_in_order() {
+        for (pixels, piece) in [(64, 8), (37, 3), (5, 8), (16, 5)] {
+            let mut cursor = Cursor::new(3, 7);
+            let mut next = vec![3; pixels as usize];
+            while cursor.sample < cursor.end {
+                let count = (cursor.next_block(pixels) - cursor.pixel).min(piece);
+                for pixel in cursor.pixel..cursor.pixel + count {
+                    assert_eq!(next[pixel as usize], cursor.sample, "pixel {pixel}");
+                    next[pixel as usize] += 1;
+                }
+                cursor.advance(count, pixels);
+            }
+            assert!(next.iter().all(|&sample| sample == 7), "{next:?}");
+        }
+    }
 }

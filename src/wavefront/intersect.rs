@@ -6,10 +6,18 @@ use super::{
 };
 use crate::accel::{Accel, Coverage, Hit, Rays};
 
-/// Fills `hits` with the nearest hit of each row of `paths`; where something `blends`, rays are named.
-pub fn intersect<C: Coverage>(accel: &Accel, paths: &PathQueue, blends: bool, coverage: &C, hits: &mut HitQueue) {
+/// Fills `hits` with the nearest hit of each row of `paths`; where something `blends`, rays are named. From row
+/// `camera` on they come from the camera, neighbours in the picture one after another.
+pub fn intersect<C: Coverage>(
+    accel: &Accel,
+    paths: &PathQueue,
+    camera: usize,
+    blends: bool,
+    coverage: &C,
+    hits: &mut HitQueue,
+) {
     hits.resize(paths.len());
-    accel.nearest_of(&PathRays { paths, blends }, coverage, |row, hit| {
+    accel.nearest_of(&PathRays { paths, camera, blends }, coverage, |row, hit| {
         let Hit { t, b1, b2, instance, triangle, back } = *hit;
         hits.set(row, HitRow { t, b1, b2, instance, triangle, back: u32::from(back) });
     });
@@ -18,6 +26,7 @@ pub fn intersect<C: Coverage>(accel: &Accel, paths: &PathQueue, blends: bool, co
 /// The rays of a path queue.
 struct PathRays<'a> {
     paths: &'a PathQueue,
+    camera: usize,
     blends: bool,
 }
 
@@ -36,5 +45,8 @@ impl Rays for PathRays<'_> {
     fn id(&self, i: usize) -> u32 {
         let paths = self.paths;
         if self.blends { ray_id(paths.pixel_hash[i], paths.sample[i], paths.depth[i], 0) } else { 0 }
+    }
+    fn coherent_from(&self) -> usize {
+        self.camera
     }
 }

@@ -159,7 +159,7 @@ impl Worker {
         let Job { scene, settings, lens, filter, sampler, unit } = job;
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
-        let mut cursor = Cursor { sample: from, end: to, pixel: 0 };
+        let mut cursor = Cursor::new(from, to);
         let Self { paths, next, hits, shadows, order, alive, counters } = self;
         paths.clear();
         next.clear();
@@ -173,23 +173,21 @@ impl Worker {
         alive.reserve(rows.saturating_sub(alive.len()));
         loop {
             // Half a wave of survivors is topped up at once rather than a few rows at a time.
-            if paths.len() <= settings.wave_size / 2 && cursor.sample < cursor.end {
-                let before = paths.len();
+            let before = paths.len();
+            if before <= settings.wave_size / 2 && cursor.sample < cursor.end {
                 counters.time_blocks(Stage::Generate, 0, |_| {
                     generate::generate(lens, filter, sampler, rectangle, &mut cursor, settings.wave_size, paths)
                 });
                 let started = paths.len() - before;
                 counters.add_rows(Stage::Generate, started);
                 counters.rays.camera += started as u64;
-                counters.rays.bounce += before as u64;
-            } else {
-                counters.rays.bounce += paths.len() as u64;
             }
+            counters.rays.bounce += before as u64;
             if paths.is_empty() {
                 break;
             }
             counters.time(Stage::Intersect, paths.len(), |_| {
-                intersect::intersect(&scene.accel, paths, settings.blends, coverage, hits);
+                intersect::intersect(&scene.accel, paths, before, settings.blends, coverage, hits);
             });
             counters.time(Stage::Sort, paths.len(), |_| {
                 sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);

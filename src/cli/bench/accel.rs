@@ -154,7 +154,7 @@ pub fn measure(
             let seconds = times(&takers, batch, threads, settings.runs)?;
             for (place, one) in takers.iter().enumerate() {
                 let count = batch.rays.len();
-                let work = one.structure.work(&batch.rays, batch.any);
+                let work = one.structure.work(&batch.rays, batch.question);
                 rows.push(Row {
                     scene: subject.name.clone(),
                     triangles: triangles.len(),
@@ -198,11 +198,11 @@ fn times(takers: &[&Built], batch: &Batch, threads: usize, runs: u32) -> Result<
 
 fn ask(structure: &dyn Contender, batch: &Batch, pool: Option<&ThreadPool>, answers: &mut [Answer]) {
     let Some(pool) = pool else {
-        return structure.answers(&batch.rays, batch.any, answers);
+        return structure.answers(&batch.rays, batch.question, answers);
     };
     pool.install(|| {
         let pieces = batch.rays.par_chunks(WAVE).zip(answers.par_chunks_mut(WAVE));
-        pieces.for_each(|(rays, into)| structure.answers(rays, batch.any, into));
+        pieces.for_each(|(rays, into)| structure.answers(rays, batch.question, into));
     });
 }
 
@@ -227,7 +227,7 @@ mod tests {
 
     use super::*;
     use crate::cli::bench::{
-        contender::{structures, tests::broken},
+        contender::{Question, structures, tests::broken},
         subject::{Formula, Source},
     };
 
@@ -268,8 +268,8 @@ mod tests {
             fn references(&self) -> Option<usize> {
                 None
             }
-            fn answers(&self, _: &[super::super::rays::OneRay], _: bool, _: &mut [Answer]) {}
-            fn work(&self, _: &[super::super::rays::OneRay], _: bool) -> Option<wavecast::accel::Work> {
+            fn answers(&self, _: &[super::super::rays::OneRay], _: Question, _: &mut [Answer]) {}
+            fn work(&self, _: &[super::super::rays::OneRay], _: Question) -> Option<wavecast::accel::Work> {
                 None
             }
             fn cells(&self, _: &mut dyn FnMut(wavecast::accel::Cell)) {}

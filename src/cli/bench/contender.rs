@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use wavecast::accel::{
-    Accel, Blas, Brute, Bsp, Bvh2, Cell, Counters, Grid, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList,
-    Solid, Structure, Work,
+    Accel, Blas, Brute, Bsp, Bvh2, Cell, Counters, Grid, Hit, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList,
+    SideBySide, Solid, Structure, Work,
 };
 
 use super::rays::{Corners, OneRay};
@@ -16,6 +16,17 @@ pub const WAVE: usize = 2048;
 /// What the ray meets: row of the triangle and distance; for rays that are only asked whether, 0 and 0.
 pub type Answer = Option<(u32, f32)>;
 
+/// What is asked about a batch of rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// What each meets.
+    Nearest,
+    /// The same; and rays that follow one another run side by side.
+    NearestOfNeighbours,
+    /// Only whether each meets anything.
+    Any,
+}
+
 /// A structure over a scene's triangles. Its loops over rays are compiled for each kind.
 pub trait Contender: Send + Sync {
     /// Bytes held.
@@ -24,11 +35,11 @@ pub trait Contender: Send + Sync {
     /// References to triangles, where that can be known.
     fn references(&self) -> Option<usize>;
 
-    /// What each ray meets, or only whether it meets `any`thing.
-    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]);
+    /// The answer for each ray.
+    fn answers(&self, rays: &[OneRay], question: Question, into: &mut [Answer]);
 
     /// Nodes and triangles that all rays together came to, where that can be known.
-    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work>;
+    fn work(&self, rays: &[OneRay], question: Question) -> Option<Work>;
 
     /// The regions that triangles are held in.
     fn cells(&self, visit: &mut dyn FnMut(Cell));
@@ -54,10 +65,16 @@ pub struct Single<S>(pub S);
 
 impl<S: Structure> Single<S> {
     #[inline(always)]
-    fn ask(&self, rays: &[OneRay], any: bool, counters: &mut impl Counters, mut done: impl FnMut(usize, Answer)) {
+    fn ask(
+        &self,
+        rays: &[OneRay],
+        question: Question,
+        counters: &mut impl Counters,
+        mut done: impl FnMut(usize, Answer),
+    ) {
         for (index, &(origin, direction, t_max)) in rays.iter().enumerate() {
             let ray = Ray::new(origin, direction);
-            if any {
+            if question == Question::Any {
                 done(index, self.0.occluded(&ray, t_max, |_, _| true, counters).then_some((0, 0.0)));
             } else {
                 let mut best = Nearest::none(t_max);
@@ -77,13 +94,13 @@ impl<S: Structure + Send + Sync> Contender for Single<S> {
         Some(self.0.references())
     }
 
-    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]) {
-        self.ask(rays, any, &mut (), |index, answer| into[index] = answer);
+    fn answers(&self, rays: &[OneRay], question: Question, into: &mut [Answer]) {
+        self.ask(rays, question, &mut (), |index, answer| into[index] = answer);
     }
 
-    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work> {
+    fn work(&self, rays: &[OneRay], question: Question) -> Option<Work> {
         let mut work = Work::default();
-        self.ask(rays, any, &mut work, |_, _| ());
+        self.ask(rays, question, &mut work, |_, _| ());
         Some(work)
     }
 
@@ -108,16 +125,21 @@ impl Waves {
         Self { accel: Accel::build(vec![only]), references }
     }
 
-    fn ask(&self, rays: &[OneRay], any: bool, counters: &mut impl Counters, into: &mut [Answer]) {
+    fn ask(&self, rays: &[OneRay], question: Question, counters: &mut impl Counters, into: &mut [Answer]) {
         for (rays, into) in rays.chunks(WAVE).zip(into.chunks_mut(WAVE)) {
             let wave = RayList(rays);
-            if any {
-                let done = |index: usize, occluded: bool| into[index] = occluded.then_some((0, 0.0));
-                self.accel.occluded_counted(&wave, &Solid, counters, done);
-            } else {
-                self.accel.nearest_counted(&wave, &Solid, counters, |index, hit| {
-                    into[index] = (hit.triangle != u32::MAX).then_some((hit.triangle, hit.t));
-                });
+            let met = |index: usize, hit: &Hit| {
+                into[index] = (hit.triangle != u32::MAX).then_some((hit.triangle, hit.t));
+            };
+            match question {
+                Question::Nearest => self.accel.nearest_counted(&wave, &Solid, counters, met),
+                Question::NearestOfNeighbours => {
+                    self.accel.nearest_counted(&SideBySide(wave), &Solid, counters, met);
+                }
+                Question::Any => {
+                    let done = |index: usize, occluded: bool| into[index] = occluded.then_some((0, 0.0));
+                    self.accel.occluded_counted(&wave, &Solid, counters, done);
+                }
             }
         }
     }
@@ -132,13 +154,13 @@ impl Contender for Waves {
         Some(self.references)
     }
 
-    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]) {
-        self.ask(rays, any, &mut (), into);
+    fn answers(&self, rays: &[OneRay], question: Question, into: &mut [Answer]) {
+        self.ask(rays, question, &mut (), into);
     }
 
-    fn work(&self, rays: &[OneRay], any: bool) -> Option<Work> {
+    fn work(&self, rays: &[OneRay], question: Question) -> Option<Work> {
         let mut work = Work::default();
-        self.ask(rays, any, &mut work, &mut vec![None; rays.len()]);
+        self.ask(rays, question, &mut work, &mut vec![None; rays.len()]);
         Some(work)
     }
 

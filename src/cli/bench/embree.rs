@@ -21,7 +21,7 @@ use wavecast::accel::{Cell, Work};
 
 use super::{
     accel::Peers,
-    contender::{Answer, Built, Contender},
+    contender::{Answer, Built, Contender, Question},
     rays::{Corners, OneRay},
 };
 use crate::cli::error::CliError;
@@ -410,15 +410,15 @@ impl Contender for Embree {
         None
     }
 
-    fn answers(&self, rays: &[OneRay], any: bool, into: &mut [Answer]) {
+    fn answers(&self, rays: &[OneRay], question: Question, into: &mut [Answer]) {
         match self.mode {
-            Mode::Single => self.single(rays, any, into),
+            Mode::Single => self.single(rays, question == Question::Any, into),
             Mode::Packet8 => self.packets(self.mesh.api.intersect_8, rays, into),
             Mode::Packet16 => self.packets(self.mesh.api.intersect_16, rays, into),
         }
     }
 
-    fn work(&self, _: &[OneRay], _: bool) -> Option<Work> {
+    fn work(&self, _: &[OneRay], _: Question) -> Option<Work> {
         None
     }
 

@@ -6,6 +6,8 @@ use wavecast::{
     glam::{DVec3, Vec3},
 };
 
+use super::contender::Question;
+
 /// A triangle by its corners, m.
 pub type Corners = [[f32; 3]; 3];
 
@@ -16,8 +18,8 @@ pub type OneRay = ([f32; 3], [f32; 3], f32);
 pub struct Batch {
     /// As `--json` calls it.
     pub kind: &'static str,
-    /// Only asked whether they meet anything.
-    pub any: bool,
+    /// What is asked about them.
+    pub question: Question,
     /// The rays, in the order in which a path tracer comes to them.
     pub rays: Vec<OneRay>,
 }
@@ -64,8 +66,13 @@ const PICTURES: usize = 16;
 /// be empty, if the camera sees nothing.
 pub fn batches(view: &CameraView, triangles: &[Corners], accel: &Accel, count: u32) -> Vec<Batch> {
     let mut numbers = Numbers(1);
-    let mut kinds = [("primary", false), ("bounce1", false), ("bounce3", false), ("shadow", true)]
-        .map(|(kind, any)| Batch { kind, any, rays: Vec::new() });
+    let mut kinds = [
+        ("primary", Question::NearestOfNeighbours),
+        ("bounce1", Question::Nearest),
+        ("bounce3", Question::Nearest),
+        ("shadow", Question::Any),
+    ]
+    .map(|(kind, question)| Batch { kind, question, rays: Vec::new() });
     for _ in 0..PICTURES {
         let primary = camera_rays(view, count, &mut numbers);
         let bounce1 = bounced(triangles, accel, &primary, &mut numbers);

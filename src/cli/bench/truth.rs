@@ -34,7 +34,7 @@ impl Truth {
         let rays: Vec<_> = rows.iter().map(|&row| batch.rays[row]).collect();
         let mut found = vec![None; rays.len()];
         let pieces = rays.par_chunks(16).zip(found.par_chunks_mut(16));
-        pieces.for_each(|(rays, into)| brute.answers(rays, batch.any, into));
+        pieces.for_each(|(rays, into)| brute.answers(rays, batch.question, into));
         rows.into_iter().zip(found).for_each(|(row, answer)| truth[row] = Some(answer));
         Self(truth)
     }
@@ -57,6 +57,6 @@ impl Truth {
 pub fn answers_of(structure: &dyn Contender, batch: &Batch) -> Vec<Answer> {
     let mut answers = vec![None; batch.rays.len()];
     let pieces = batch.rays.par_chunks(WAVE).zip(answers.par_chunks_mut(WAVE));
-    pieces.for_each(|(rays, into)| structure.answers(rays, batch.any, into));
+    pieces.for_each(|(rays, into)| structure.answers(rays, batch.question, into));
     answers
 }

@@ -1,0 +1,527 @@
+//! Rays that run side by side, as those of a camera do, through the eight-wide trees together.
+//!
+//! A packet goes down the tree as one: a node's boxes are tested once, against the intervals that its rays' starts,
+//! directions and ends lie in. What that lets pass is looked at again when its turn comes, eight rays at a time, and
+//! left if none of them meets it; a leaf's triangles are tested one by one, each by eight rays at a time. What is hit is
+//! what the queue would find, bit for bit: the arithmetic is the same.
+//!
+//! The interval test lets everything pass that a ray's own test would. For rays of the same signs that test is made of
+//! operations that only grow, or only shrink, with each operand, rounding included, so that put together from the
+//! extremes of the operands it gives bounds of what it gives for each ray, and no allowance is needed.
+//!
+//! Wald et al. 2001, "Interactive Rendering with Coherent Ray Tracing"; Boulos et al. 2006, "Geometric and Arithmetic
+//! Culling Methods for Entire Ray Packets"; Overbeck et al. 2008, "Large Ray Packets for Real-time Whitted Ray Tracing".
+
+mod hits;
+
+use std::cell::Cell;
+
+use wide::{f32x8, u16x8, u32x8};
+
+use self::hits::Hits;
+use super::{
+    Coverage, Rays, Solid,
+    arena::Granule,
+    bvh8::{self, BEYOND, FAR_SCALE, KIND, Node},
+    queue::{self, COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
+    structure::Counters,
+    triangle::{Axis, Leaf, QUAD, Ray, Sheared, Side, TriangleBlock, TriangleQuad},
+    two_level::{Accel, Hit, Part, nearest_in},
+};
+use crate::{
+    flat::NONE,
+    simd::{LANES, prefetch},
+};
+
+/// Vectors of rays in a packet. Of 1, 2, 4 and 8, the last two are equally fast and a fifth faster than the first; the
+/// smaller of them leaves fewer rays to the queue where directions change their signs.
+const VECTORS: usize = 4;
+/// Rays in a packet.
+const RAYS: usize = VECTORS * LANES;
+/// Fewer rays than this go alone through an instance that is not where its mesh is: making a packet of its own for it
+/// costs about as much as that.
+const FEW: u32 = 4;
+
+/// A bit pattern for each ray of a packet: all ones or all zeros.
+type Mask = [f32x8; VECTORS];
+
+/// Eight of a packet's rays.
+#[derive(Clone, Copy, Debug)]
+struct Eight {
+    origin: [f32x8; 3],
+    direction: [f32x8; 3],
+    against: [f32x8; 3],
+    sheared: Sheared,
+    hits: Hits,
+}
+
+/// The extremes of a packet's rays by axis.
+#[derive(Clone, Copy, Debug)]
+struct Extremes {
+    /// The start that is nearest to what lies ahead, and the slowest way there.
+    ahead: f32,
+    slow: f32,
+    /// The start that is farthest from it, and the fastest way.
+    behind: f32,
+    fast: f32,
+}
+
+#[derive(Clone, Debug)]
+struct Packet {
+    eights: [Eight; VECTORS],
+    extremes: [Extremes; 3],
+    first: [Side; 3],
+    last: [Side; 3],
+    /// What [`Slot`](queue) has for one ray, of the farthest.
+    reach: f32,
+    limit: f32,
+}
+
+/// Subtrees put off.
+#[derive(Debug)]
+struct Stack {
+    near: Vec<f32>,
+    child: Vec<u32>,
+    /// The node that each is a child of.
+    parent: Vec<u32>,
+}
+
+impl Stack {
+    fn new() -> Self {
+        let of = || vec![0; STACK + LANES];
+        Self { near: vec![0.0; STACK + LANES], child: of(), parent: of() }
+    }
+}
+
+/// What a wave needs, kept for the next.
+#[derive(Debug)]
+struct Scratch {
+    packet: Packet,
+    /// The packet as the mesh of an instance sees it.
+    local: Packet,
+    top: Stack,
+    mesh: Stack,
+    /// For rays that go alone.
+    alone: bvh8::Stack,
+    /// Rays that run beside no others.
+    after: Vec<u32>,
+}
+
+impl Scratch {
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            packet: Packet::empty(),
+            local: Packet::empty(),
+            top: Stack::new(),
+            mesh: Stack::new(),
+            alone: bvh8::Stack::default(),
+            after: Vec::new(),
+        })
+    }
+}
+
+thread_local! {
+    /// Some 20 KiB, which take as long to make as a few packets to trace.
+    static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
+}
+
+/// The least and the greatest of all lanes; NaN is lost.
+#[inline(always)]
+fn extremes(of: [f32x8; VECTORS]) -> (f32, f32) {
+    let (mut least, mut most) = (of[0], of[0]);
+    for one in &of[1..] {
+        (least, most) = (one.fast_min(least), one.fast_max(most));
+    }
+    let fold = |of: f32x8, f: fn(f32, f32) -> f32| of.to_array().into_iter().reduce(f).unwrap_or_default();
+    (fold(least, f32::min), fold(most, f32::max))
+}
+
+/// The greatest of all lanes.
+#[inline(always)]
+fn greatest(of: [f32x8; VECTORS]) -> f32 {
+    let most = of.into_iter().reduce(|a, b| a.fast_max(b)).expect("not empty");
+    let [a, b, c, d, e, f, g, h] = most.to_array();
+    let max = |a: f32, b: f32| if a > b { a } else { b };
+    max(max(max(a, b), max(c, d)), max(max(e, f), max(g, h)))
+}
+
+impl Packet {
+    fn empty() -> Self {
+        let zero = [f32x8::ZERO; 3];
+        let sheared = Sheared { axes: Axis::ALL, shear: zero, from: zero };
+        let hits = Hits::none(f32x8::ZERO);
+        Self {
+            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits }; VECTORS],
+            extremes: [Extremes { ahead: 0.0, slow: 0.0, behind: 0.0, fast: 0.0 }; 3],
+            first: [Side::Lower; 3],
+            last: [Side::Upper; 3],
+            reach: 0.0,
+            limit: 0.0,
+        }
+    }
+
+    /// Becomes that of the rays from `start` on, the last of them several times over if they are too few; false if they do
+    /// not run side by side, and it is then of no use.
+    #[inline(always)]
+    fn gather(&mut self, rays: &impl Rays, start: usize) -> bool {
+        let last = rays.count() - 1;
+        let mut columns = [[0.0; RAYS]; 7];
+        for lane in 0..RAYS {
+            let (origin, direction, t_max) = rays.ray((start + lane).min(last));
+            let [ox, oy, oz] = origin;
+            let [dx, dy, dz] = direction;
+            for (column, value) in columns.iter_mut().zip([ox, oy, oz, dx, dy, dz, t_max]) {
+                column[lane] = value;
+            }
+        }
+        let vectors = |column: usize| -> [f32x8; VECTORS] {
+            let (eights, _) = columns[column].as_chunks();
+            std::array::from_fn(|vector| f32x8::new(eights[vector]))
+        };
+        for (eight, t_max) in self.eights.iter_mut().zip(vectors(6)) {
+            eight.hits = Hits::none(t_max);
+        }
+        self.prepare(&[0, 1, 2].map(vectors), &[3, 4, 5].map(vectors))
+    }
+
+    /// Becomes that of rays with the ends it has.
+    #[inline(always)]
+    fn prepare(&mut self, origin: &[[f32x8; VECTORS]; 3], direction: &[[f32x8; VECTORS]; 3]) -> bool {
+        // As in `Ray::new`; the axis has to be the same for all.
+        let mut along = [0; 3];
+        for vector in 0..VECTORS {
+            let [x, y, z] = [0, 1, 2].map(|axis| direction[axis][vector].abs());
+            let is_x = (x.simd_gt(y) & x.simd_gt(z)).to_bitmask() & 255;
+            let is_y = !is_x & (y.simd_ge(x) & y.simd_gt(z)).to_bitmask() & 255;
+            along[0] += is_x.count_ones();
+            along[1] += is_y.count_ones();
+            along[2] += (is_x | is_y ^ 255).count_ones() - is_x.count_ones();
+        }
+        let Some(kz) = along.iter().position(|&rays| rays as usize == RAYS) else { return false };
+        let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
+        if direction[kz][0].to_array()[0] < 0.0 {
+            std::mem::swap(&mut kx, &mut ky);
+        }
+        let inverse = direction.map(|of| of.map(|d| f32x8::ONE / d));
+        if !self.eights.iter().all(|Eight { hits, .. }| hits.t_max.simd_eq(hits.t_max).all()) {
+            return false;
+        }
+        for axis in 0..3 {
+            let (lower, upper) = extremes(inverse[axis]);
+            let (start, end) = extremes(origin[axis]);
+            // Directions of both signs, or zero and not, would make intervals that are not bounded; what is not a number
+            // makes none. Infinite starts are left to the queue as well.
+            let together = lower > 0.0 || upper < 0.0;
+            let numbers = (0..VECTORS).all(|vector| {
+                let finite = origin[axis][vector].abs().simd_lt(f32x8::splat(f32::INFINITY));
+                (finite & inverse[axis][vector].simd_eq(inverse[axis][vector])).to_bitmask() & 255 == 255
+            });
+            if !together || !numbers || lower.is_finite() != upper.is_finite() {
+                return false;
+            }
+            (self.first[axis], self.last[axis]) = (Side::Lower, Side::Upper);
+            self.extremes[axis] = if lower > 0.0 {
+                Extremes { ahead: end, slow: -lower, behind: start, fast: -upper }
+            } else {
+                (self.first[axis], self.last[axis]) = (Side::Upper, Side::Lower);
+                Extremes { ahead: start, slow: -upper, behind: end, fast: -lower }
+            };
+        }
+        let axes = [kx, ky, kz].map(|axis| Axis::ALL[axis]);
+        for (vector, eight) in self.eights.iter_mut().enumerate() {
+            let along = inverse[kz][vector];
+            let [x, y] = [kx, ky].map(|axis| direction[axis][vector] * along);
+            eight.origin = [0, 1, 2].map(|axis| origin[axis][vector]);
+            eight.direction = [0, 1, 2].map(|axis| direction[axis][vector]);
+            eight.against = [0, 1, 2].map(|axis| -inverse[axis][vector]);
+            let from = [kx, ky, kz].map(|axis| origin[axis][vector]);
+            eight.sheared = Sheared { axes, shear: [x, y, along], from };
+        }
+        self.shorten();
+        true
+    }
+
+    /// Nothing counts from now on beyond where all rays end.
+    #[inline(always)]
+    fn shorten(&mut self) {
+        let t_max = greatest(std::array::from_fn(|vector| self.eights[vector].hits.t_max));
+        self.reach = t_max * (BEYOND / FAR_SCALE);
+        self.limit = f32::mul_add(t_max, CULL, f32::MIN_POSITIVE);
+    }
+
+    /// [`Node::distances`], of all rays: the least from which and the greatest up to which one may be in a box.
+    #[inline(always)]
+    fn distances(&self, node: &Node) -> (f32x8, f32x8) {
+        let mut near = f32x8::ZERO;
+        let mut far = f32x8::splat(self.reach);
+        for (axis, planes) in node.planes().iter().enumerate() {
+            let at = |side: Side| f32x8::new(*planes[side as usize..].first_chunk().expect("a side"));
+            let Extremes { ahead, slow, behind, fast } = self.extremes[axis];
+            // Below zero the other way would be the least; but then it is less than zero either way.
+            near = ((f32x8::splat(ahead) - at(self.first[axis])) * f32x8::splat(slow)).fast_max(near);
+            far = ((f32x8::splat(behind) - at(self.last[axis])) * f32x8::splat(fast)).fast_min(far);
+        }
+        (near, far * f32x8::splat(FAR_SCALE))
+    }
+
+    /// [`Node::distances`] of one box, for each ray: whether it meets it.
+    #[inline(always)]
+    fn meets(&self, node: &Node, lane: usize) -> impl Iterator<Item = f32x8> {
+        let planes = node.planes();
+        let at = |axis: usize, side: Side| f32x8::splat(planes[axis][side as usize + lane % LANES]);
+        let near: [f32x8; 3] = std::array::from_fn(|axis| at(axis, self.first[axis]));
+        let far: [f32x8; 3] = std::array::from_fn(|axis| at(axis, self.last[axis]));
+        self.eights.iter().map(move |eight| {
+            let (mut from, mut to) = (f32x8::ZERO, eight.hits.t_max * f32x8::splat(BEYOND / FAR_SCALE));
+            for axis in 0..3 {
+                from = ((eight.origin[axis] - near[axis]) * eight.against[axis]).fast_max(from);
+                to = ((eight.origin[axis] - far[axis]) * eight.against[axis]).fast_min(to);
+            }
+            from.simd_le(to * f32x8::splat(FAR_SCALE))
+        })
+    }
+
+    /// Calls `leaf` for the leaves below `root` that rays meet, and with those rays.
+    #[inline(always)]
+    fn walk<C: Counters>(
+        &mut self,
+        arena: &[Granule],
+        root: u32,
+        stack: &mut Stack,
+        counters: &mut C,
+        mut leaf: impl FnMut(&mut Self, u32, &Mask, &mut C),
+    ) {
+        if root & KIND != 0 {
+            leaf(self, root, &[f32x8::splat(f32::from_bits(u32::MAX)); VECTORS], counters);
+            return;
+        }
+        let mut top = 0;
+        let mut current = root;
+        loop {
+            counters.node();
+            let node = Node::at(arena, current);
+            let (near, far) = self.distances(node);
+            let met = near.simd_le(far);
+            let mask = met.to_bitmask() as usize & 255;
+            let count = mask.count_ones();
+            let lanes = u32x8::from(u16x8::new(COMPRESS[mask]));
+            let keys = (bytemuck::cast::<_, u32x8>(near) & u32x8::splat(OWN) | u32x8::new(LANE))
+                & bytemuck::cast::<_, u32x8>(met);
+            let keys = bytemuck::cast(keys.shuffle_wrapping(lanes));
+            let keys = if count <= 4 { sort4(keys) } else { sort8(keys) };
+            let children = u32x8::new(node.children()).shuffle_wrapping(bytemuck::cast(keys)).to_array();
+            stack.near[top..top + LANES].copy_from_slice(&keys.to_array());
+            stack.child[top..top + LANES].copy_from_slice(&children);
+            stack.parent[top..top + LANES].copy_from_slice(&[current; LANES]);
+            top += count as usize;
+            loop {
+                if top == 0 {
+                    return;
+                }
+                top -= 1;
+                let near = stack.near[top];
+                if near > self.limit {
+                    continue;
+                }
+                let (child, parent) = (stack.child[top], stack.parent[top]);
+                prefetch::<6, Granule>(arena, (child & !(KIND | QUAD)) as usize);
+                let mut met = self.meets(Node::at(arena, parent), near.to_bits() as usize % LANES);
+                if child & KIND == 0 {
+                    if met.any(|eight| {
+                        counters.node();
+                        eight.to_bitmask() & 255 != 0
+                    }) {
+                        current = child;
+                        break;
+                    }
+                    continue;
+                }
+                let mut active = [f32x8::ZERO; VECTORS];
+                for (active, eight) in active.iter_mut().zip(met) {
+                    counters.node();
+                    *active = eight;
+                }
+                leaf(self, child, &active, counters);
+            }
+        }
+    }
+
+    /// Tests the triangles of a leaf.
+    #[inline(always)]
+    fn test<L: Leaf>(&mut self, block: &L, accel: &Accel, instance: u32, active: &Mask, counters: &mut impl Counters) {
+        let mut any = false;
+        for (eight, &active) in self.eights.iter_mut().zip(active) {
+            if active.to_bitmask() & 255 == 0 {
+                continue;
+            }
+            for lane in 0..L::MOST {
+                let triangle = block.row(lane);
+                if triangle == NONE {
+                    break;
+                }
+                counters.triangles(LANES);
+                let at = |corner: usize, axis: Axis| f32x8::splat(block.coordinate(corner, axis.number(), lane));
+                let edges = eight.sheared.edges(at);
+                if (edges.inside & active).to_bitmask() & 255 == 0 {
+                    continue;
+                }
+                let met = eight.sheared.meet(edges, eight.hits.t_max);
+                any |= eight.hits.take(&met, active, accel.merged.name(instance, triangle));
+            }
+        }
+        if any {
+            self.shorten();
+        }
+    }
+
+    /// Finds the nearest hits.
+    fn trace(
+        &mut self,
+        accel: &Accel,
+        local: &mut Self,
+        (top, mesh): (&mut Stack, &mut Stack),
+        alone: &mut bvh8::Stack,
+        counters: &mut impl Counters,
+    ) {
+        let Some(root) = accel.tree.root else { return };
+        self.walk(accel.tree.arena.granules(), root, top, counters, |this, reference, active, counters| {
+            let part = accel.parts[(reference & !KIND) as usize];
+            let instance = &accel.instances[part.instance as usize];
+            if instance.identity {
+                this.enter(accel, part, active, mesh, counters);
+                return;
+            }
+            let rays: u32 = active.iter().map(|eight| (eight.to_bitmask() & 255).count_ones()).sum();
+            if rays >= FEW && this.to_local(&instance.local_from_world, local) {
+                local.enter(accel, part, active, mesh, counters);
+                for (eight, local) in this.eights.iter_mut().zip(&local.eights) {
+                    eight.hits = local.hits;
+                }
+            } else {
+                for (eight, &active) in this.eights.iter_mut().zip(active) {
+                    eight.follow(accel, part, active.to_bitmask() & 255, alone);
+                }
+            }
+            this.shorten();
+        });
+    }
+
+    /// Goes through a part of an instance, with rays as its mesh sees them.
+    #[inline(never)]
+    fn enter(&mut self, accel: &Accel, part: Part, among: &Mask, stack: &mut Stack, counters: &mut impl Counters) {
+        let arena = accel.instances[part.instance as usize].blas.tree.arena.granules();
+        self.walk(arena, part.root, stack, counters, |this, reference, active, counters| {
+            let active = std::array::from_fn(|vector| active[vector] & among[vector]);
+            let place = reference & !(KIND | QUAD);
+            if reference & QUAD == 0 {
+                this.test(TriangleBlock::at(arena, place), accel, part.instance, &active, counters);
+            } else {
+                this.test(TriangleQuad::at(arena, place), accel, part.instance, &active, counters);
+            }
+        });
+    }
+
+    /// [`to_local`](super::two_level::to_local), of all rays, with the same roundings; false if there they do not run side
+    /// by side.
+    fn to_local(&self, m: &[f32; 12], local: &mut Self) -> bool {
+        let m = m.map(f32x8::splat);
+        let linear = |row: usize, [x, y, z]: [f32x8; 3]| m[4 * row] * x + m[4 * row + 1] * y + m[4 * row + 2] * z;
+        let each = |f: &dyn Fn(&Eight, usize) -> f32x8| {
+            std::array::from_fn(|row| std::array::from_fn(|vector| f(&self.eights[vector], row)))
+        };
+        for (to, from) in local.eights.iter_mut().zip(&self.eights) {
+            to.hits = from.hits;
+        }
+        let origin = each(&|eight, row| linear(row, eight.origin) + m[4 * row + 3]);
+        local.prepare(&origin, &each(&|eight, row| linear(row, eight.direction)))
+    }
+
+    /// What each ray hit.
+    fn report(&self, mut done: impl FnMut(usize, &Hit)) {
+        for (vector, eight) in self.eights.iter().enumerate() {
+            let hits = eight.hits.each();
+            hits.iter().enumerate().for_each(|(lane, hit)| done(vector * LANES + lane, hit));
+        }
+    }
+}
+
+impl Eight {
+    /// Goes through a part of an instance with the rays in `lanes`, one by one.
+    #[cold]
+    fn follow(&mut self, accel: &Accel, part: Part, mut lanes: u32, stack: &mut bvh8::Stack) {
+        let instance = &accel.instances[part.instance as usize];
+        let [origin, direction] = [self.origin, self.direction].map(|of| of.map(f32x8::to_array));
+        let mut hits = self.hits.each();
+        let mut t_max = self.hits.t_max.to_array();
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            lanes &= lanes - 1;
+            let ray = Ray::new(origin.map(|of| of[lane]), direction.map(|of| of[lane]));
+            nearest_in(accel, instance, part, &ray, &mut t_max[lane], &mut hits[lane], 0, &Solid, stack);
+        }
+        self.hits = Hits::of(t_max, &hits);
+    }
+}
+
+/// Rays that are left to the queue: those before the first of a packet, and some after it.
+struct Rest<'a, R> {
+    rays: &'a R,
+    before: usize,
+    after: &'a [u32],
+}
+
+impl<R: Rays> Rest<'_, R> {
+    #[inline(always)]
+    fn row(&self, index: usize) -> usize {
+        if index < self.before { index } else { self.after[index - self.before] as usize }
+    }
+}
+
+impl<R: Rays> Rays for Rest<'_, R> {
+    fn count(&self) -> usize {
+        self.before + self.after.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, index: usize) -> queue::Segment {
+        self.rays.ray(self.row(index))
+    }
+
+    #[inline(always)]
+    fn id(&self, index: usize) -> u32 {
+        self.rays.id(self.row(index))
+    }
+}
+
+/// As [`queue::trace`], for rays of which those from [`Rays::coherent_from`] on run side by side.
+pub(super) fn trace<C: Coverage>(
+    accel: &Accel,
+    rays: &impl Rays,
+    coverage: &C,
+    counters: &mut impl Counters,
+    mut done: impl FnMut(usize, &Hit),
+) {
+    let (before, count) = (rays.coherent_from(), rays.count());
+    let mut kept = SCRATCH.take().unwrap_or_else(Scratch::new);
+    let Scratch { packet, local, top, mesh, alone, after } = &mut *kept;
+    after.clear();
+    for start in (before..count).step_by(RAYS) {
+        let rows = start..count.min(start + RAYS);
+        if packet.gather(rays, start) {
+            packet.trace(accel, local, (top, mesh), alone, counters);
+            packet.report(|lane, hit| {
+                if start + lane < rows.end {
+                    done(start + lane, hit);
+                }
+            });
+        } else {
+            after.extend(rows.map(|row| row as u32));
+        }
+    }
+    let rest = Rest { rays, before, after };
+    queue::trace::<false, C>(accel, &rest, coverage, counters, |index, hit| done(rest.row(index), hit));
+    SCRATCH.set(Some(kept));
+}
+
+#[cfg(test)]
+mod tests;

@@ -189,8 +189,9 @@ impl Packet {
     fn prepare(&mut self, origin: &[[f32x8; VECTORS]; 3], direction: &[[f32x8; VECTORS]; 3]) -> bool {
         // As in `Ray::new`; the axis has to be the same for all.
         let mut along = [0; 3];
-        for vector in 0..VECTORS {
-            let [x, y, z] = [0, 1, 2].map(|axis| direction[axis][vector].abs());
+        let [dx, dy, dz] = direction;
+        for ((x, y), z) in dx.iter().zip(dy).zip(dz) {
+            let [x, y, z] = [x, y, z].map(|of| of.abs());
             let is_x = (x.simd_gt(y) & x.simd_gt(z)).to_bitmask() & 255;
             let is_y = !is_x & (y.simd_ge(x) & y.simd_gt(z)).to_bitmask() & 255;
             along[0] += is_x.count_ones();

@@ -25,7 +25,7 @@ impl Granule {
 /// From here on huge pages are asked for: below, a tree touches few ordinary ones.
 const HUGE: usize = 1 << 21;
 
-/// An array of granules that never changes.
+/// An array of granules that stays where it is.
 ///
 /// A tree of a million triangles lies on some 20,000 ordinary pages, more than a core remembers the places of.
 #[derive(Debug)]
@@ -62,6 +62,14 @@ impl Arena {
         match self {
             Self::Heap(granules) => granules,
             Self::Pages(pages) => bytemuck::cast_slice(pages),
+        }
+    }
+
+    /// The granules, to be changed.
+    pub fn granules_mut(&mut self) -> &mut [Granule] {
+        match self {
+            Self::Heap(granules) => granules,
+            Self::Pages(pages) => bytemuck::cast_slice_mut(pages),
         }
     }
 

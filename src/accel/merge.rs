@@ -5,7 +5,11 @@
 
 use std::sync::Arc;
 
-use super::{AccelKind, Blas, Hit, InstanceRef, bvh8::Quality, triangle::Block};
+use super::{
+    AccelKind, Blas, Hit, InstanceRef,
+    bvh8::Quality,
+    opacity::{Opacity, ROW},
+};
 
 /// Triangles that are put together at most. The tree is built again with the top level, whatever it was that moved.
 const MOST: usize = 1 << 14;
@@ -51,15 +55,17 @@ impl Merged {
             return None;
         }
         rows.sort_unstable();
-        let (mut names, mut corners) = (Vec::new(), Vec::new());
+        let (mut names, mut corners, mut opacity) = (Vec::new(), Vec::new(), Vec::new());
         for row in rows {
-            let mut own = triangles(&instances[row].blas);
-            own.sort_unstable_by_key(|&(triangle, _)| triangle);
-            names.extend(own.iter().map(|&(triangle, _)| (row as u32, triangle)));
+            let mut own: Vec<_> = instances[row].blas.leaves().flat_map(|block| block.triangles()).collect();
+            own.sort_unstable_by_key(|&(triangle, _)| triangle & ROW);
+            names.extend(own.iter().map(|&(triangle, _)| (row as u32, triangle & ROW)));
+            opacity.extend(own.iter().map(|&(triangle, _)| Opacity::of(triangle)));
             corners.extend(own.into_iter().map(|(_, corners)| corners));
         }
-        let blas = Arc::new(Blas::build_as(AccelKind::Bvh8(Quality::Good), &corners));
-        let together = InstanceRef::unmoved(blas);
+        let mut blas = Blas::build_as(AccelKind::Bvh8(Quality::Good), &corners);
+        blas.set_opacity(|row| opacity[row as usize]);
+        let together = InstanceRef::unmoved(Arc::new(blas));
         Some((Self { row: instances.len() as u32, names }, together))
     }
 
@@ -86,13 +92,6 @@ impl Merged {
     pub fn bytes(&self) -> usize {
         size_of_val(self.names.as_slice())
     }
-}
-
-/// All triangles of a tree, with their rows.
-fn triangles(blas: &Blas) -> Vec<(u32, [[f32; 3]; 3])> {
-    let mut all = Vec::with_capacity(blas.references());
-    blas.leaves(&mut |block: Block| all.extend(block.triangles()));
-    all
 }
 
 #[cfg(test)]

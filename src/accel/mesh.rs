@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::{
     Brute, Bsp, Bvh2, Cell, Counters, Grid, KdTree, Nearest, Octree, Ray, Shape, Structure, TriangleHit,
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
+    opacity::Opacity,
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
@@ -70,6 +71,10 @@ pub struct Blas {
     pub(super) bounds: Aabb,
     /// Triangles with an area.
     triangles: usize,
+    /// All triangles.
+    rows: u32,
+    /// Some triangle does not stop every ray.
+    pub(super) asks: bool,
     build_time: Duration,
 }
 
@@ -80,6 +85,8 @@ impl Default for Blas {
             other: None,
             bounds: Aabb::empty(),
             triangles: 0,
+            rows: 0,
+            asks: false,
             build_time: Duration::default(),
         }
     }
@@ -106,6 +113,7 @@ impl Blas {
             // Of all structures alike: the size of the scene is found by it.
             bounds: boxes.iter().fold(Aabb::empty(), |all, one| all.union(one)),
             triangles: boxes.iter().filter(|one| one.valid()).count(),
+            rows: triangles.len() as u32,
             ..Self::default()
         };
         if let AccelKind::Bvh8(quality) = kind {
@@ -149,17 +157,38 @@ impl Blas {
         (self.bounds.min.to_array(), self.bounds.max.to_array())
     }
 
-    /// Calls `visit` with each leaf of the eight-wide tree.
-    pub(super) fn leaves(&self, visit: &mut dyn FnMut(Block)) {
+    /// Says what is known of each triangle's opacity, by its row; without it all are solid.
+    pub fn set_opacity(&mut self, of: impl Fn(u32) -> Opacity) {
+        let mut asks = false;
+        let leaves: Vec<u32> = self.leaf_references().collect();
+        for leaf in leaves {
+            Block::mark(self.tree.arena.granules_mut(), leaf, |row| {
+                let opacity = of(row);
+                asks |= opacity != Opacity::Solid;
+                opacity
+            });
+        }
+        self.asks = asks || self.other.is_some() && (0..self.rows).any(|row| of(row) != Opacity::Solid);
+    }
+
+    /// References of the leaves of the eight-wide tree, without what makes them leaves.
+    fn leaf_references(&self) -> impl Iterator<Item = u32> {
         let arena = self.tree.arena.granules();
         let mut pending: Vec<u32> = self.tree.root.into_iter().collect();
-        while let Some(reference) = pending.pop() {
-            if reference & KIND == LEAF {
-                visit(Block::at(arena, reference & !KIND));
-            } else {
+        std::iter::from_fn(move || {
+            loop {
+                let reference = pending.pop()?;
+                if reference & KIND == LEAF {
+                    return Some(reference & !KIND);
+                }
                 pending.extend(Node::at(arena, reference).boxes().map(|(_, child)| child));
             }
-        }
+        })
+    }
+
+    /// The leaves of the eight-wide tree.
+    pub(super) fn leaves(&self) -> impl Iterator<Item = Block<'_>> {
+        self.leaf_references().map(|leaf| Block::at(self.tree.arena.granules(), leaf))
     }
 
     /// What the top level refers to, if there is anything: a node or a leaf of the eight-wide tree. Other structures are
@@ -313,7 +342,7 @@ mod tests {
     use crate::{
         accel::{
             Accel, Coverage, Hit, InstanceRef, NO_HIT, Solid, family,
-            tests::{Sieve, Wave, placed},
+            tests::{Sieve, Wave, placed, sieved_as},
         },
         flat::NONE,
     };
@@ -325,7 +354,7 @@ mod tests {
             std::array::from_fn(|i| [x, y, z, w][i % 4][i / 4] as f32)
         };
         let [world_from_local, local_from_world] = [world_from_local, world_from_local.inverse()].map(rows);
-        InstanceRef { blas: Arc::clone(blas), world_from_local, local_from_world, identity: false, check: false }
+        InstanceRef { blas: Arc::clone(blas), world_from_local, local_from_world, identity: false }
     }
 
     /// Meshes in a structure: where they were made, moved, turned and stretched, mirrored, in the same place twice, and
@@ -337,12 +366,12 @@ mod tests {
             [family::soup(30, 0.5, 22), family::soup(30, 0.5, 22)].concat(),
             Vec::new(),
         ]
-        .map(|triangles| Arc::new(Blas::build_as(kind, &triangles)));
+        .map(|triangles| sieved_as(kind, &triangles));
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -3.0).normalize(), 0.7);
         let stretch = DMat3::from_quat(turn) * DMat3::from_diagonal(DVec3::new(1.5, 0.4, 0.9));
         let mirror = DMat3::from_quat(turn.inverse()) * DMat3::from_diagonal(DVec3::new(-1.0, 0.7, 1.1));
         let at = |linear: DMat3, x: f64, y: f64, z: f64| DAffine3 { matrix3: linear, translation: DVec3::new(x, y, z) };
-        let mut instances = vec![
+        vec![
             placed(&torus, 1.0, 0.0),
             placed(&none, 1.0, 0.0),
             turned(&torus, at(stretch, 1.0, -0.5, 0.3)),
@@ -353,9 +382,7 @@ mod tests {
             turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
             turned(&twice, at(mirror, -1.0, 0.0, 0.0)),
             placed(&torus, 1.0, 0.0),
-        ];
-        instances.iter_mut().step_by(2).for_each(|one| one.check = true);
-        instances
+        ]
     }
 
     /// Answers to all rays: what each meets, and whether it meets anything.
@@ -399,9 +426,7 @@ mod tests {
     fn each_mesh_may_be_in_another_structure() {
         let triangles = family::soup(300, 0.3, 24);
         let scene = |kinds: &[AccelKind]| {
-            let place = |(i, kind): (usize, &AccelKind)| {
-                placed(&Arc::new(Blas::build_as(*kind, &triangles)), 1.0 + i as f32, 0.3)
-            };
+            let place = |(i, kind): (usize, &AccelKind)| placed(&sieved_as(*kind, &triangles), 1.0 + i as f32, 0.3);
             Accel::build(kinds.iter().enumerate().map(place).collect())
         };
         let rays = family::rays(&triangles, 2000, 25).into_iter();

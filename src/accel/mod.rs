@@ -28,6 +28,7 @@ mod merge;
 mod mesh;
 mod obb;
 mod octree;
+mod opacity;
 mod open;
 mod packet;
 mod polytope;
@@ -51,18 +52,20 @@ pub use self::{
     mesh::{AccelKind, Blas},
     obb::Obb,
     octree::Octree,
+    opacity::Opacity,
     queue::{RayList, Rays, Segment, SideBySide},
     structure::{Cell, Counters, Nearest, Shape, Structure, Work},
-    triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
+    triangle::{Leaf, NO_ROW, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
 };
 
 /// Decides whether a surface is there for a ray that meets it.
 pub trait Coverage {
-    /// True if everything covers; the instances' `check` flags are then not even read.
+    /// True if everything covers; what is known of the triangles' [`Opacity`] is then not even read.
     const TRIVIAL: bool;
 
-    /// True if the ray `ray_id` stops at this hit of a checked instance.
+    /// True if the ray `ray_id` stops at this hit. It must agree with what is known of the triangle: it is asked of those that
+    /// are [`Opacity::Asked`], and outside the eight-wide tree of all in a mesh of which some are not solid.
     fn covers(&self, ray_id: u32, hit: &Hit) -> bool;
 }
 
@@ -111,7 +114,6 @@ mod tests {
             world_from_local,
             local_from_world,
             identity: scale == 1.0 && shift == 0.0,
-            check: false,
         }
     }
 
@@ -184,13 +186,35 @@ mod tests {
         }
     }
 
-    /// Lets ray and triangle meet by a coin of their own.
+    /// Of each three triangles one is solid, one has no back, and one and a ray meet by a coin of their own.
     pub(super) struct Sieve;
+
+    impl Sieve {
+        fn opacity(triangle: u32) -> Opacity {
+            [Opacity::Solid, Opacity::FrontOnly, Opacity::Asked][triangle as usize % 3]
+        }
+    }
+
+    /// A mesh for it.
+    pub(super) fn sieved_as(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Arc<Blas> {
+        let mut blas = Blas::build_as(kind, triangles);
+        blas.set_opacity(Sieve::opacity);
+        Arc::new(blas)
+    }
+
+    /// [`sieved_as`], in the default structure.
+    pub(super) fn sieved(triangles: &[[[f32; 3]; 3]]) -> Arc<Blas> {
+        sieved_as(AccelKind::default(), triangles)
+    }
 
     impl Coverage for Sieve {
         const TRIVIAL: bool = false;
         fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
-            !(ray_id ^ hit.triangle.wrapping_mul(0x9e37_79b9) ^ hit.instance).is_multiple_of(3)
+            match Self::opacity(hit.triangle) {
+                Opacity::Solid => true,
+                Opacity::FrontOnly => !hit.back,
+                Opacity::Asked => !(ray_id ^ hit.triangle.wrapping_mul(0x9e37_79b9) ^ hit.instance).is_multiple_of(3),
+            }
         }
     }
 
@@ -241,16 +265,15 @@ mod tests {
             })
             .collect();
         let few = Arc::new(Blas::build(&triangles[..3]));
-        let many = Arc::new(Blas::build(&triangles));
+        let many = sieved(&triangles);
         let empty = Arc::new(Blas::build(&[]));
-        let mut scenes = vec![
+        let scenes = [
             vec![placed(&many, 1.0, 0.0)],
             vec![placed(&many, 0.5, 1.0)],
             vec![placed(&few, 1.0, 0.0), placed(&empty, 1.0, 0.0), placed(&many, 0.5, 1.0), placed(&many, -1.0, 5.0)],
             (0..100).map(|i| placed(if i % 3 == 0 { &few } else { &many }, 0.3, i as f32 * 0.05)).collect(),
         ];
-        for instances in &mut scenes {
-            instances.iter_mut().step_by(2).for_each(|instance| instance.check = true);
+        for instances in &scenes {
             let accel = Accel::build(instances.clone());
             assert!(!accel.deep);
             // Waves smaller than the rays in flight, as large, and larger.
@@ -275,7 +298,7 @@ mod tests {
         };
         let wave = wave(2000, 9);
         for (count, deep) in [(40, false), (260, true)] {
-            let blas = Arc::new(Blas::build(&nested(count)));
+            let blas = sieved(&nested(count));
             let accel = Accel::build(vec![placed(&blas, 1.0, 0.0), placed(&blas, -0.5, 5.0)]);
             assert_eq!(accel.deep, deep, "{count} put off {} subtrees", blas.tree.stack);
             check_wave(&accel, &wave, &Solid);

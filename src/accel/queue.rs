@@ -15,9 +15,10 @@ use super::{
     Coverage,
     arena::Granule,
     bvh8::{BEYOND, FAR_SCALE, INSTANCE, KIND, LEAF, Node},
+    opacity::Opacity,
     structure::Counters,
     triangle::{Leaf, QUAD, Ray, TriangleBlock, TriangleQuad},
-    two_level::{Accel, Hit, NO_HIT, hit_of, to_local},
+    two_level::{Accel, Hit, NO_HIT, hit_of, is_there, to_local},
 };
 use crate::simd::{LANES, prefetch};
 
@@ -396,11 +397,15 @@ impl<'a> Slot<'a> {
     #[inline(always)]
     fn test<const ANY: bool, C: Coverage, L: Leaf>(&mut self, accel: &Accel, coverage: &C) -> usize {
         let block = L::at(self.arena, self.current & !(KIND | QUAD));
-        if !C::TRIVIAL {
-            return self.test_covered::<ANY, C, L>(block, accel, coverage);
-        }
         if ANY {
-            let hit = block.any(&self.ray, self.t_max);
+            let (hit, asked) = if C::TRIVIAL {
+                (block.any(&self.ray, self.t_max), false)
+            } else {
+                block.any_there(&self.ray, self.t_max)
+            };
+            if asked && !hit {
+                return self.ask::<ANY, C, L>(block, accel, coverage);
+            }
             let next = self.take::<ANY>();
             // All bits or none, to be done whatever comes next.
             let hit = 0_u32.wrapping_sub(u32::from(hit));
@@ -408,7 +413,11 @@ impl<'a> Slot<'a> {
             self.current |= hit;
             return next | (hit >> 29) as usize;
         }
-        let (lane, hit) = block.nearest(&self.ray, self.t_max);
+        let (lane, hit) =
+            if C::TRIVIAL { block.nearest(&self.ray, self.t_max) } else { block.nearest_there(&self.ray, self.t_max) };
+        if !C::TRIVIAL && block.opacity(lane) == Opacity::Asked && hit.t <= self.t_max {
+            return self.ask::<ANY, C, L>(block, accel, coverage);
+        }
         let (triangle, best) = (block.row(lane), &self.best[1]);
         // Distances are positive, so that they are in the order of their bits.
         let mut nearer = hit.t.to_bits().wrapping_sub(best.t.to_bits()) >> 31;
@@ -424,19 +433,19 @@ impl<'a> Slot<'a> {
         self.pop::<ANY>()
     }
 
-    /// The same where some hits do not count.
-    #[inline(always)]
-    fn test_covered<const ANY: bool, C: Coverage, L: Leaf>(&mut self, block: &L, accel: &Accel, coverage: &C) -> usize {
+    /// The same where the first hit has to be asked whether it is there.
+    #[inline(never)]
+    fn ask<const ANY: bool, C: Coverage, L: Leaf>(&mut self, block: &L, accel: &Accel, coverage: &C) -> usize {
         let met = block.intersect(&self.ray, self.t_max);
         let mut lanes = met.hits;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & (LANES - 1);
             lanes &= lanes - 1;
-            let found = accel.merged.named(hit_of(&met, block.row(lane), self.instance, lane));
+            let found = hit_of(&met, block.row(lane), self.instance, lane);
             let best = &self.best[1];
-            let nearer = found.t < best.t
-                || found.t == best.t && (found.instance, found.triangle) < (best.instance, best.triangle);
-            if nearer && accel.is_there(self.id, &found, coverage) {
+            let name = |hit: &Hit| accel.merged.name(hit.instance, hit.triangle);
+            let nearer = found.t < best.t || found.t == best.t && name(&found) < name(best);
+            if nearer && is_there(block.opacity(lane), self.id, &accel.merged.named(found), coverage) {
                 self.best[1] = found;
                 self.shorten(found.t);
                 if ANY {
@@ -511,7 +520,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
                 slot.leave::<ANY>(accel)
             } else {
                 let best = slot.best[1];
-                done(slot.index as usize, &if C::TRIVIAL && !ANY { accel.merged.named(best) } else { best });
+                done(slot.index as usize, &if ANY { best } else { accel.merged.named(best) });
                 if next == count {
                     under_way -= 1;
                     continue;

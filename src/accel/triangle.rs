@@ -1,9 +1,12 @@
 //! Ray against triangle, without gaps between neighbours.
 
-use wide::{f32x8, u32x8};
+use wide::{f32x8, i32x8, u32x8};
 
-use super::arena::Granule;
-use crate::{flat::NONE, simd::LANES};
+use super::{
+    arena::Granule,
+    opacity::{ASKED, FRONT_ONLY, Opacity, ROW},
+};
+use crate::simd::LANES;
 
 /// A ray with what the watertight test needs: the axis it mostly runs along, and the shear that makes
 /// that axis its own.
@@ -201,7 +204,7 @@ pub trait Leaf: Sized {
     /// Triangles at most.
     const MOST: usize;
 
-    /// Of at most so many triangles with their rows.
+    /// Of at most so many triangles with their rows, which are below 2³⁰; the bits above say what is known of their opacity.
     fn new(triangles: impl IntoIterator<Item = (u32, [[f32; 3]; 3])>) -> Self;
 
     /// The one that stands at a place.
@@ -210,8 +213,19 @@ pub trait Leaf: Sized {
     /// Adds it to an arena and returns its place.
     fn store(&self, arena: &mut Vec<Granule>) -> u32;
 
-    /// Row of a lane's triangle.
-    fn row(&self, lane: usize) -> u32;
+    /// Row of a lane's triangle; of a lane without any, [`NO_ROW`].
+    fn row(&self, lane: usize) -> u32 {
+        self.marked_row(lane) & ROW
+    }
+
+    /// The row, with what is known of the triangle's opacity.
+    fn marked_row(&self, lane: usize) -> u32;
+
+    /// What is known of a lane's triangle.
+    #[inline(always)]
+    fn opacity(&self, lane: usize) -> Opacity {
+        Opacity::of(self.marked_row(lane))
+    }
 
     /// A coordinate of a corner of a lane's triangle.
     fn coordinate(&self, corner: usize, axis: usize, lane: usize) -> f32;
@@ -227,9 +241,18 @@ pub trait Leaf: Sized {
     /// The nearest of those hits and its lane, of equally near ones that of the lowest; if there is none, at a distance that is not a number, of bits above those of all numbers.
     fn nearest(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit);
 
+    /// [`Leaf::nearest`], of hits that are not of a missing back.
+    fn nearest_there(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit);
+
     /// True if there is any hit.
     fn any(&self, ray: &Ray, t_max: f32) -> bool;
+
+    /// True if there is any hit of what stops the ray for sure; and if there is any of what has to be asked.
+    fn any_there(&self, ray: &Ray, t_max: f32) -> (bool, bool);
 }
+
+/// The row of a lane that holds no triangle.
+pub const NO_ROW: u32 = ROW;
 
 /// More than infinity, in the order of bits: where there is no hit.
 const NOWHERE: f32 = f32::from_bits(u32::MAX >> 1);
@@ -307,6 +330,14 @@ impl Sheared {
 }
 
 impl Met {
+    /// Which lanes are not a missing back, given the rows of their triangles.
+    #[inline(always)]
+    fn there(&self, rows: u32x8) -> f32x8 {
+        const { assert!(FRONT_ONLY << 1 == ASKED, "the sign, once moved up") };
+        let front_only: i32x8 = bytemuck::cast::<_, i32x8>(rows << 1) >> 31;
+        !(self.back & bytemuck::cast::<_, f32x8>(front_only))
+    }
+
     #[inline(always)]
     fn all(self) -> BlockHit {
         BlockHit {
@@ -371,7 +402,7 @@ macro_rules! leaf {
             }
 
             #[inline(always)]
-            fn row(&self, lane: usize) -> u32 {
+            fn marked_row(&self, lane: usize) -> u32 {
                 bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes + lane % $lanes]
             }
 
@@ -392,12 +423,36 @@ macro_rules! leaf {
             }
 
             #[inline(always)]
+            fn nearest_there(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit) {
+                let mut met = self.met(ray, t_max);
+                met.hits &= met.there(self.rows());
+                met.nearest()
+            }
+
+            #[inline(always)]
             fn any(&self, ray: &Ray, t_max: f32) -> bool {
                 self.met(ray, t_max).hits.to_bitmask() & 255 != 0
+            }
+
+            #[inline(always)]
+            fn any_there(&self, ray: &Ray, t_max: f32) -> (bool, bool) {
+                let (met, rows) = (self.met(ray, t_max), self.rows());
+                // Of whole lanes the mask takes the sign, which is the bit that says so.
+                let asked = bytemuck::cast::<_, f32x8>(rows).to_bitmask() & 255;
+                let hits = (met.hits & met.there(rows)).to_bitmask() & 255;
+                (hits & !asked != 0, hits & asked != 0)
             }
         }
 
         impl $name {
+            /// All rows, with what is known of opacity; lanes beyond the last are never hit.
+            #[inline(always)]
+            fn rows(&self) -> u32x8 {
+                let mut rows = [0; LANES];
+                rows[..$lanes].copy_from_slice(&bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes..]);
+                u32x8::new(rows)
+            }
+
             #[inline(always)]
             fn met(&self, ray: &Ray, t_max: f32) -> Met {
                 let (corners, _) = bytemuck::cast_slice::<_, f32>(&self.0).as_chunks::<{ 3 * $lanes }>();
@@ -440,11 +495,20 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// The triangles in it, with their rows.
+    /// Says of the triangles of the leaf that a reference means what is known of their opacity, by their rows.
+    pub fn mark(arena: &mut [Granule], reference: u32, mut of: impl FnMut(u32) -> Opacity) {
+        let lanes = if reference & QUAD == 0 { TriangleBlock::MOST } else { TriangleQuad::MOST };
+        let block: &mut [u32] = bytemuck::cast_slice_mut(&mut arena[(reference & !QUAD) as usize..]);
+        for row in block[9 * lanes..10 * lanes].iter_mut().filter(|row| **row & ROW != NO_ROW) {
+            *row = *row & ROW | of(*row & ROW).bits();
+        }
+    }
+
+    /// The triangles in it, with their rows and what is known of their opacity.
     pub fn triangles(&self) -> Vec<(u32, [[f32; 3]; 3])> {
         fn of<L: Leaf>(block: &L) -> Vec<(u32, [[f32; 3]; 3])> {
-            let all = (0..L::MOST).map(|lane| (block.row(lane), block.corners(lane)));
-            all.filter(|&(row, _)| row != NONE).collect()
+            let all = (0..L::MOST).map(|lane| (block.marked_row(lane), block.corners(lane)));
+            all.filter(|&(row, _)| row & ROW != NO_ROW).collect()
         }
         match self {
             Self::Eight(block) => of(*block),
@@ -457,6 +521,14 @@ impl<'a> Block<'a> {
         match self {
             Self::Eight(block) => block.row(lane),
             Self::Four(block) => block.row(lane),
+        }
+    }
+
+    #[inline(always)]
+    pub fn opacity(&self, lane: usize) -> Opacity {
+        match self {
+            Self::Eight(block) => block.opacity(lane),
+            Self::Four(block) => block.opacity(lane),
         }
     }
 

@@ -10,6 +10,7 @@ use super::{
     bvh8::{Bvh8, INSTANCE, Quality, Stack},
     merge::Merged,
     mesh::Other,
+    opacity::Opacity,
     open::{open, world_bounds},
     packet, queue,
     structure::{Counters, Nearest},
@@ -48,15 +49,13 @@ pub struct InstanceRef {
     pub local_from_world: [f32; 12],
     /// True if the transform changes nothing.
     pub identity: bool,
-    /// True if hits must be confirmed by a [`Coverage`].
-    pub check: bool,
 }
 
 impl InstanceRef {
     /// A mesh where it was made.
     pub fn unmoved(blas: Arc<Blas>) -> Self {
         let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        Self { blas, world_from_local: identity, local_from_world: identity, identity: true, check: false }
+        Self { blas, world_from_local: identity, local_from_world: identity, identity: true }
     }
 }
 
@@ -131,19 +130,6 @@ impl Accel {
         Self { tree, instances, placed, merged, parts, bounds, deep, others }
     }
 
-    /// Says again which instances need their hits confirmed.
-    pub fn set_checks(&mut self, mut check: impl FnMut(usize) -> bool) {
-        for (row, instance) in self.instances.iter_mut().take(self.placed).enumerate() {
-            instance.check = check(row);
-        }
-    }
-
-    /// False if a hit is of something that is not there for the ray.
-    #[inline(always)]
-    pub(super) fn is_there<C: Coverage>(&self, ray_id: u32, hit: &Hit, coverage: &C) -> bool {
-        C::TRIVIAL || !self.instances[hit.instance as usize].check || coverage.covers(ray_id, hit)
-    }
-
     /// Lowest and highest corner of everything, if there is anything.
     pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
         self.bounds
@@ -207,7 +193,7 @@ impl Accel {
                 let (origin, direction, t_max) = rays.ray(index);
                 done(index, &self.nearest(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
-        } else if C::TRIVIAL && rays.coherent_from() < rays.count() {
+        } else if rays.coherent_from() < rays.count() {
             packet::trace(self, rays, coverage, counters, done);
         } else {
             queue::trace::<false, C>(self, rays, coverage, counters, done);
@@ -310,7 +296,7 @@ pub(super) fn nearest_in<C: Coverage>(
                 let found = accel.merged.named(hit_of(&met, block.row(lane), part.instance, lane));
                 let nearer = found.t < best.t
                     || found.t == best.t && (found.instance, found.triangle) < (best.instance, best.triangle);
-                if nearer && accel.is_there(ray_id, &found, coverage) {
+                if nearer && is_there(block.opacity(lane), ray_id, &found, coverage) {
                     *best = found;
                     *t_max = found.t;
                 }
@@ -338,7 +324,7 @@ fn nearest_in_other<C: Coverage>(
     other.nearest(local, &mut found, |triangle, hit| {
         // An instance is entered once: of its own triangles the structure takes the smaller at equal t.
         (hit.t < before.t || part.instance < before.instance)
-            && (C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit)))
+            && (C::TRIVIAL || !instance.blas.asks || coverage.covers(ray_id, &placed(part.instance, triangle, hit)))
     });
     if found.triangle != NONE {
         let Nearest { t, triangle, b1, b2, back } = found;
@@ -359,8 +345,19 @@ fn occluded_in_other<C: Coverage>(
     coverage: &C,
 ) -> bool {
     other.occluded(local, t_max, |triangle, hit| {
-        C::TRIVIAL || !instance.check || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
+        C::TRIVIAL || !instance.blas.asks || coverage.covers(ray_id, &placed(part.instance, triangle, hit))
     })
+}
+
+/// False if a hit is of something that is not there for the ray.
+#[inline(always)]
+pub(super) fn is_there<C: Coverage>(opacity: Opacity, ray_id: u32, hit: &Hit, coverage: &C) -> bool {
+    C::TRIVIAL
+        || match opacity {
+            Opacity::Solid => true,
+            Opacity::FrontOnly => !hit.back,
+            Opacity::Asked => coverage.covers(ray_id, hit),
+        }
 }
 
 /// A hit of a mesh as one of an instance.
@@ -401,7 +398,7 @@ fn occluded_in<C: Coverage>(
             let mut hits = (0..LANES).filter(|lane| met.hits >> lane & 1 == 1);
             found = hits.any(|lane| {
                 let hit = accel.merged.named(hit_of(&met, block.row(lane), part.instance, lane));
-                accel.is_there(ray_id, &hit, coverage)
+                is_there(block.opacity(lane), ray_id, &hit, coverage)
             });
             found
         })

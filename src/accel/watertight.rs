@@ -197,7 +197,7 @@ mod tests {
                         _ => rows[j][i] / scale,
                     });
                     let blas = Arc::clone(&blas);
-                    InstanceRef { blas, world_from_local: there, local_from_world: back, identity: false, check: false }
+                    InstanceRef { blas, world_from_local: there, local_from_world: back, identity: false }
                 };
                 let accel = Accel::build([0.0, 1.0, -1.0].map(placed).into());
                 for (what, target) in Target::ALL {

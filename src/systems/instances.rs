@@ -88,7 +88,6 @@ pub fn place(shown: &Shown, mesh_row: u32, mesh: &FlatMesh, material_base: u32) 
         world_from_local,
         local_from_world,
     };
-    let reference =
-        InstanceRef { blas: Arc::clone(&mesh.blas), world_from_local, local_from_world, identity, check: false };
+    let reference = InstanceRef { blas: Arc::clone(&mesh.blas), world_from_local, local_from_world, identity };
     (row, reference)
 }

@@ -9,11 +9,13 @@
 // In the order they run; blank lines keep the formatter from sorting them.
 mod transforms;
 
-mod geometry;
-
 mod textures;
 
 mod materials;
+
+mod opacity;
+
+mod geometry;
 
 mod instances;
 
@@ -26,13 +28,15 @@ mod needs;
 // What tells them that they must.
 mod watch;
 
-use std::{collections::HashMap, sync::Arc, time::Duration};
+use std::{collections::HashMap, sync::Arc};
 
 pub use self::watch::{Watch, Watches};
-use self::{geometry::MeshCache, instances::Shown, lights::EnvironmentCache, textures::ImageCache};
+use self::{
+    geometry::MeshCache, instances::Shown, lights::EnvironmentCache, opacity::MeshOpacity, textures::ImageCache,
+};
 use crate::{
-    accel::{Accel, AccelKind, InstanceRef},
-    flat::{EnvironmentLight, FlatScene, NONE, flags},
+    accel::{Accel, AccelKind},
+    flat::{EnvironmentLight, FlatScene, flags},
     render::SyncReport,
     world::{Camera, EmissiveSurface, Material, MaterialSlots, Scene, SceneKey, TriMesh, WorldTransform},
 };
@@ -85,17 +89,26 @@ impl Systems {
             materials_rebuilt =
                 !same_meshes || !same(&before, &self.shown, |a, b| a.slots == b.slots && a.emissive == b.emissive);
         }
-        if meshes_synced || restructured {
-            let (built, time) = self.sync_meshes(flat);
-            report.rebuilt.push(("geometry", built));
-            report.build_time = time;
-        }
         let emission_before = (flat.materials.emissive.clone(), flat.materials.emissive_texture.clone());
         let flags_before = flat.materials.flags.clone();
-        if first || materials_rebuilt || materials_changed || surfaces_changed {
+        let materials_synced = first || materials_rebuilt || materials_changed || surfaces_changed;
+        if materials_synced {
             let images = self.sync_materials(world, flat);
             report.rebuilt.push(("textures", images));
             report.rebuilt.push(("materials", flat.materials.len()));
+        }
+        let sources = if meshes_synced || restructured || materials_synced { self.sources(flat) } else { Vec::new() };
+        if meshes_synced || restructured || !self.meshes.has(&sources) {
+            // So that the cache alone has them.
+            flat.meshes.clear();
+            flat.accel = Accel::default();
+            let (meshes, synced) = self.meshes.sync(sources, self.accel);
+            flat.meshes = meshes;
+            if meshes_synced || restructured {
+                report.rebuilt.push(("geometry", synced.built));
+                report.build_time = synced.time;
+            }
+            placement_changed = true;
         }
         let emission_changed = materials_rebuilt
             || emission_before != (flat.materials.emissive.clone(), flat.materials.emissive_texture.clone())
@@ -103,17 +116,8 @@ impl Systems {
         if placement_changed {
             self.sync_instances(flat);
             report.rebuilt.push(("instances", flat.instances.len()));
-        } else {
-            if materials_rebuilt {
-                self.renumber_materials(flat);
-            }
-            if restructured {
-                rebuild_top(flat);
-                report.rebuilt.push(("instances", flat.instances.len()));
-            }
-        }
-        if placement_changed || emission_changed {
-            set_checks(flat);
+        } else if materials_rebuilt {
+            self.renumber_materials(flat);
         }
 
         // A lamp moves with its entity; only a moved entity that is a lamp matters, but lamps are few.
@@ -152,18 +156,22 @@ impl Systems {
         report
     }
 
-    /// Flat meshes of everything shown, in the order of first use; returns how many were built and the time for that.
-    fn sync_meshes(&mut self, flat: &mut FlatScene) -> (usize, Duration) {
-        // So that the cache alone has them.
-        flat.meshes.clear();
-        let mut sources: Vec<Arc<TriMesh>> = Vec::new();
+    /// Meshes of everything shown, in the order of first use, with what the materials say of their opacity.
+    fn sources(&self, flat: &FlatScene) -> Vec<(Arc<TriMesh>, MeshOpacity)> {
+        let mut users: Vec<(&Arc<TriMesh>, Vec<&[u32]>)> = Vec::new();
         let mut seen = HashMap::new();
+        let mut base = 0;
         for one in &self.shown {
-            seen.entry(geometry::id(&one.mesh)).or_insert_with(|| sources.push(Arc::clone(&one.mesh)));
+            let row = *seen.entry(geometry::id(&one.mesh)).or_insert_with(|| {
+                users.push((&one.mesh, Vec::new()));
+                users.len() - 1
+            });
+            let count = slot_count(&one.mesh) as usize;
+            users[row].1.push(&flat.material_rows[base..base + count]);
+            base += count;
         }
-        let (meshes, built, time) = self.meshes.sync(&sources, self.accel);
-        flat.meshes = meshes;
-        (built, time)
+        let opacity = |users: Vec<&[u32]>| MeshOpacity::of_users(&flat.materials, users.into_iter());
+        users.into_iter().map(|(mesh, users)| (Arc::clone(mesh), opacity(users))).collect()
     }
 
     /// Material rows of everything shown, with their textures; returns how many images were made anew.
@@ -282,28 +290,4 @@ fn same_lights(a: &crate::flat::Lights, b: &crate::flat::Lights) -> bool {
 
 fn first_camera(world: &mut hecs::World) -> Option<SceneKey> {
     world.query_mut::<(&SceneKey, &Camera)>().into_iter().map(|(key, _)| *key).min()
-}
-
-/// Places meshes that are in another structure now where they were before.
-fn rebuild_top(flat: &mut FlatScene) {
-    let mesh = |row: usize| &flat.meshes[flat.instances.mesh[row] as usize];
-    let placed = flat.accel.instances().iter().enumerate();
-    let references =
-        placed.map(|(row, one)| InstanceRef { blas: Arc::clone(&mesh(row).blas), ..one.clone() }).collect();
-    flat.accel = Accel::build(references);
-}
-
-/// Tells the tree which instances have a surface that not every ray stops at.
-fn set_checks(flat: &mut FlatScene) {
-    let mut accel = std::mem::take(&mut flat.accel);
-    accel.set_checks(|row| {
-        let base = flat.instances.material_base[row] as usize;
-        let count = flat.meshes[flat.instances.mesh[row] as usize].slot_count as usize;
-        flat.material_rows[base..base + count].iter().any(|&material| {
-            let bits = flat.materials.flags[material as usize];
-            bits & (flags::MASK | flags::BLEND) != 0 || bits & (flags::DOUBLE_SIDED | flags::TRANSMISSION) == 0
-        })
-    });
-    flat.accel = accel;
-    debug_assert!(flat.material_rows.iter().all(|&row| row != NONE));
 }

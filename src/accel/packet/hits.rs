@@ -40,11 +40,11 @@ impl Hits {
         }
     }
 
-    /// Takes what rays among the `active` have met of a triangle, by the rows of instance and triangle that it goes by
-    /// outside. True if there is any.
+    /// Takes what rays have met of a triangle, given the rows of instance and triangle that it goes by outside. True if there
+    /// is any.
     #[inline(always)]
-    pub fn take(&mut self, met: &Met, active: f32x8, (instance, triangle): (u32, u32)) -> bool {
-        let mut hits = met.hits & active;
+    pub fn take(&mut self, met: &Met, (instance, triangle): (u32, u32)) -> bool {
+        let mut hits = met.hits;
         let ties = (hits & met.t.simd_eq(self.t_max)).to_bitmask() & 255;
         if ties != 0 {
             hits = self.unless_behind(hits, ties, instance, triangle);

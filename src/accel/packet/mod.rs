@@ -20,18 +20,16 @@ use wide::{f32x8, u16x8, u32x8};
 
 use self::hits::Hits;
 use super::{
-    Coverage, Rays, Solid,
+    Coverage, Rays,
     arena::Granule,
     bvh8::{self, BEYOND, FAR_SCALE, KIND, Node},
+    opacity::Opacity,
     queue::{self, COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
     structure::Counters,
-    triangle::{Axis, Leaf, QUAD, Ray, Sheared, Side, TriangleBlock, TriangleQuad},
+    triangle::{Axis, Leaf, Met, NO_ROW, QUAD, Ray, Sheared, Side, TriangleBlock, TriangleQuad},
     two_level::{Accel, Hit, Part, nearest_in},
 };
-use crate::{
-    flat::NONE,
-    simd::{LANES, prefetch},
-};
+use crate::simd::{LANES, prefetch};
 
 /// Vectors of rays in a packet. Of 1, 2, 4 and 8, the last two are equally fast and a fifth faster than the first; the
 /// smaller of them leaves fewer rays to the queue where directions change their signs.
@@ -53,6 +51,14 @@ struct Eight {
     against: [f32x8; 3],
     sheared: Sheared,
     hits: Hits,
+    /// Names of the rays, where some surface asks for them.
+    ids: [u32; LANES],
+}
+
+/// What packets go through.
+struct World<'a, C> {
+    accel: &'a Accel,
+    coverage: &'a C,
 }
 
 /// The extremes of a packet's rays by axis.
@@ -125,24 +131,25 @@ thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-/// The least and the greatest of all lanes; NaN is lost.
+/// The least and the greatest of all lanes, if all are numbers.
 #[inline(always)]
-fn extremes(of: [f32x8; VECTORS]) -> (f32, f32) {
-    let (mut least, mut most) = (of[0], of[0]);
-    for one in &of[1..] {
-        (least, most) = (one.fast_min(least), one.fast_max(most));
-    }
-    let fold = |of: f32x8, f: fn(f32, f32) -> f32| of.to_array().into_iter().reduce(f).unwrap_or_default();
-    (fold(least, f32::min), fold(most, f32::max))
+fn extremes([a, b, c, d]: &[f32x8; VECTORS]) -> (f32, f32) {
+    let least = across(a.fast_min(*b).fast_min(c.fast_min(*d)), |a, b| a.fast_min(b));
+    (least, greatest([*a, *b, *c, *d]))
 }
 
 /// The greatest of all lanes.
 #[inline(always)]
-fn greatest(of: [f32x8; VECTORS]) -> f32 {
-    let most = of.into_iter().reduce(|a, b| a.fast_max(b)).expect("not empty");
-    let [a, b, c, d, e, f, g, h] = most.to_array();
-    let max = |a: f32, b: f32| if a > b { a } else { b };
-    max(max(max(a, b), max(c, d)), max(max(e, f), max(g, h)))
+fn greatest([a, b, c, d]: [f32x8; VECTORS]) -> f32 {
+    across(a.fast_max(b).fast_max(c.fast_max(d)), |a, b| a.fast_max(b))
+}
+
+/// Puts eight numbers together by pairs.
+#[inline(always)]
+fn across(of: f32x8, pair: impl Fn(f32x8, f32x8) -> f32x8) -> f32 {
+    let partners = [[4, 5, 6, 7, 0, 1, 2, 3], [2, 3, 0, 1, 6, 7, 4, 5], [1, 0, 3, 2, 5, 4, 7, 6]];
+    let swapped = |of: f32x8, partner| bytemuck::cast(bytemuck::cast::<_, u32x8>(of).shuffle_wrapping(partner));
+    partners.into_iter().fold(of, |of, partner| pair(of, swapped(of, u32x8::new(partner)))).to_array()[0]
 }
 
 impl Packet {
@@ -151,7 +158,7 @@ impl Packet {
         let sheared = Sheared { axes: Axis::ALL, shear: zero, from: zero };
         let hits = Hits::none(f32x8::ZERO);
         Self {
-            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits }; VECTORS],
+            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits, ids: [0; LANES] }; VECTORS],
             extremes: [Extremes { ahead: 0.0, slow: 0.0, behind: 0.0, fast: 0.0 }; 3],
             first: [Side::Lower; 3],
             last: [Side::Upper; 3],
@@ -163,7 +170,7 @@ impl Packet {
     /// Becomes that of the rays from `start` on, the last of them several times over if they are too few; false if they do
     /// not run side by side, and it is then of no use.
     #[inline(always)]
-    fn gather(&mut self, rays: &impl Rays, start: usize) -> bool {
+    fn gather<C: Coverage>(&mut self, rays: &impl Rays, start: usize) -> bool {
         let last = rays.count() - 1;
         let mut columns = [[0.0; RAYS]; 7];
         for lane in 0..RAYS {
@@ -180,6 +187,11 @@ impl Packet {
         };
         for (eight, t_max) in self.eights.iter_mut().zip(vectors(6)) {
             eight.hits = Hits::none(t_max);
+        }
+        if !C::TRIVIAL {
+            for (lane, id) in self.eights.iter_mut().flat_map(|eight| &mut eight.ids).enumerate() {
+                *id = rays.id((start + lane).min(last));
+            }
         }
         self.prepare(&[0, 1, 2].map(vectors), &[3, 4, 5].map(vectors))
     }
@@ -208,8 +220,8 @@ impl Packet {
             return false;
         }
         for axis in 0..3 {
-            let (lower, upper) = extremes(inverse[axis]);
-            let (start, end) = extremes(origin[axis]);
+            let (lower, upper) = extremes(&inverse[axis]);
+            let (start, end) = extremes(&origin[axis]);
             // Directions of both signs, or zero and not, would make intervals that are not bounded; what is not a number
             // makes none. Infinite starts are left to the queue as well.
             let together = lower > 0.0 || upper < 0.0;
@@ -349,7 +361,14 @@ impl Packet {
 
     /// Tests the triangles of a leaf.
     #[inline(always)]
-    fn test<L: Leaf>(&mut self, block: &L, accel: &Accel, instance: u32, active: &Mask, counters: &mut impl Counters) {
+    fn test<C: Coverage, L: Leaf>(
+        &mut self,
+        block: &L,
+        &World { accel, coverage }: &World<C>,
+        instance: u32,
+        active: &Mask,
+        counters: &mut impl Counters,
+    ) {
         let mut any = false;
         for (eight, &active) in self.eights.iter_mut().zip(active) {
             if active.to_bitmask() & 255 == 0 {
@@ -357,7 +376,7 @@ impl Packet {
             }
             for lane in 0..L::MOST {
                 let triangle = block.row(lane);
-                if triangle == NONE {
+                if triangle == NO_ROW {
                     break;
                 }
                 counters.triangles(LANES);
@@ -366,8 +385,17 @@ impl Packet {
                 if (edges.inside & active).to_bitmask() & 255 == 0 {
                     continue;
                 }
-                let met = eight.sheared.meet(edges, eight.hits.t_max);
-                any |= eight.hits.take(&met, active, accel.merged.name(instance, triangle));
+                let mut met = eight.sheared.meet(edges, eight.hits.t_max);
+                met.hits &= active;
+                let name = accel.merged.name(instance, triangle);
+                if !C::TRIVIAL {
+                    match block.opacity(lane) {
+                        Opacity::Solid => {}
+                        Opacity::FrontOnly => met.hits &= !met.back,
+                        Opacity::Asked => met.hits = ask(&met, &eight.ids, name, coverage),
+                    }
+                }
+                any |= eight.hits.take(&met, name);
             }
         }
         if any {
@@ -376,31 +404,32 @@ impl Packet {
     }
 
     /// Finds the nearest hits.
-    fn trace(
+    fn trace<C: Coverage>(
         &mut self,
-        accel: &Accel,
+        world: &World<C>,
         local: &mut Self,
         (top, mesh): (&mut Stack, &mut Stack),
         alone: &mut bvh8::Stack,
         counters: &mut impl Counters,
     ) {
+        let accel = world.accel;
         let Some(root) = accel.tree.root else { return };
         self.walk(accel.tree.arena.granules(), root, top, counters, |this, reference, active, counters| {
             let part = accel.parts[(reference & !KIND) as usize];
             let instance = &accel.instances[part.instance as usize];
             if instance.identity {
-                this.enter(accel, part, active, mesh, counters);
+                this.enter(world, part, active, mesh, counters);
                 return;
             }
             let rays: u32 = active.iter().map(|eight| (eight.to_bitmask() & 255).count_ones()).sum();
             if rays >= FEW && this.to_local(&instance.local_from_world, local) {
-                local.enter(accel, part, active, mesh, counters);
+                local.enter(world, part, active, mesh, counters);
                 for (eight, local) in this.eights.iter_mut().zip(&local.eights) {
                     eight.hits = local.hits;
                 }
             } else {
                 for (eight, &active) in this.eights.iter_mut().zip(active) {
-                    eight.follow(accel, part, active.to_bitmask() & 255, alone);
+                    eight.follow(world, part, active.to_bitmask() & 255, alone);
                 }
             }
             this.shorten();
@@ -409,15 +438,22 @@ impl Packet {
 
     /// Goes through a part of an instance, with rays as its mesh sees them.
     #[inline(never)]
-    fn enter(&mut self, accel: &Accel, part: Part, among: &Mask, stack: &mut Stack, counters: &mut impl Counters) {
-        let arena = accel.instances[part.instance as usize].blas.tree.arena.granules();
+    fn enter<C: Coverage>(
+        &mut self,
+        world: &World<C>,
+        part: Part,
+        among: &Mask,
+        stack: &mut Stack,
+        counters: &mut impl Counters,
+    ) {
+        let arena = world.accel.instances[part.instance as usize].blas.tree.arena.granules();
         self.walk(arena, part.root, stack, counters, |this, reference, active, counters| {
             let active = std::array::from_fn(|vector| active[vector] & among[vector]);
             let place = reference & !(KIND | QUAD);
             if reference & QUAD == 0 {
-                this.test(TriangleBlock::at(arena, place), accel, part.instance, &active, counters);
+                this.test(TriangleBlock::at(arena, place), world, part.instance, &active, counters);
             } else {
-                this.test(TriangleQuad::at(arena, place), accel, part.instance, &active, counters);
+                this.test(TriangleQuad::at(arena, place), world, part.instance, &active, counters);
             }
         });
     }
@@ -431,7 +467,7 @@ impl Packet {
             std::array::from_fn(|row| std::array::from_fn(|vector| f(&self.eights[vector], row)))
         };
         for (to, from) in local.eights.iter_mut().zip(&self.eights) {
-            to.hits = from.hits;
+            (to.hits, to.ids) = (from.hits, from.ids);
         }
         let origin = each(&|eight, row| linear(row, eight.origin) + m[4 * row + 3]);
         local.prepare(&origin, &each(&|eight, row| linear(row, eight.direction)))
@@ -449,7 +485,13 @@ impl Packet {
 impl Eight {
     /// Goes through a part of an instance with the rays in `lanes`, one by one.
     #[cold]
-    fn follow(&mut self, accel: &Accel, part: Part, mut lanes: u32, stack: &mut bvh8::Stack) {
+    fn follow<C: Coverage>(
+        &mut self,
+        &World { accel, coverage }: &World<C>,
+        part: Part,
+        mut lanes: u32,
+        stack: &mut bvh8::Stack,
+    ) {
         let instance = &accel.instances[part.instance as usize];
         let [origin, direction] = [self.origin, self.direction].map(|of| of.map(f32x8::to_array));
         let mut hits = self.hits.each();
@@ -458,10 +500,23 @@ impl Eight {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
             let ray = Ray::new(origin.map(|of| of[lane]), direction.map(|of| of[lane]));
-            nearest_in(accel, instance, part, &ray, &mut t_max[lane], &mut hits[lane], 0, &Solid, stack);
+            let (t_max, best, id) = (&mut t_max[lane], &mut hits[lane], self.ids[lane]);
+            nearest_in(accel, instance, part, &ray, t_max, best, id, coverage, stack);
         }
         self.hits = Hits::of(t_max, &hits);
     }
+}
+
+/// Of the rays that meet a triangle, those that stop there.
+#[cold]
+fn ask<C: Coverage>(met: &Met, ids: &[u32; LANES], (instance, triangle): (u32, u32), coverage: &C) -> f32x8 {
+    let [t, b1, b2] = [met.t, met.b1, met.b2].map(f32x8::to_array);
+    let (hits, back) = (met.hits.to_bitmask(), met.back.to_bitmask());
+    f32x8::new(std::array::from_fn(|lane| {
+        let hit = Hit { t: t[lane], instance, triangle, b1: b1[lane], b2: b2[lane], back: back >> lane & 1 == 1 };
+        let stops = hits >> lane & 1 == 1 && coverage.covers(ids[lane], &hit);
+        if stops { f32::from_bits(u32::MAX) } else { 0.0 }
+    }))
 }
 
 /// Rays that are left to the queue: those before the first of a packet, and some after it.
@@ -506,10 +561,11 @@ pub(super) fn trace<C: Coverage>(
     let mut kept = SCRATCH.take().unwrap_or_else(Scratch::new);
     let Scratch { packet, local, top, mesh, alone, after } = &mut *kept;
     after.clear();
+    let world = World { accel, coverage };
     for start in (before..count).step_by(RAYS) {
         let rows = start..count.min(start + RAYS);
-        if packet.gather(rays, start) {
-            packet.trace(accel, local, (top, mesh), alone, counters);
+        if packet.gather::<C>(rays, start) {
+            packet.trace(&world, local, (top, mesh), alone, counters);
             packet.report(|lane, hit| {
                 if start + lane < rows.end {
                     done(start + lane, hit);

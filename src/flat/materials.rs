@@ -22,6 +22,10 @@ pub mod flags {
     pub const EMISSIVE: u32 = 1 << 7;
 }
 
+/// Alpha from which on a blended surface covers wholly: one, less what rounding may take from it, and above all else that
+/// sixteen bits can say.
+pub const COVERS: f32 = 1.0 - 4e-6;
+
 /// Which compiled version of `shade` a material runs through.
 ///
 /// Few on purpose: the sort before shading makes long runs of one class.

@@ -23,7 +23,7 @@ pub use self::{
         DistantLight, DistantLights, EmissiveTriangle, EmissiveTriangles, EnvironmentLight, Lights, LocalLight,
         LocalLights,
     },
-    materials::{MaterialRow, Materials, ShadingClass, flags},
+    materials::{COVERS, MaterialRow, Materials, ShadingClass, flags},
     meshes::FlatMesh,
     needs::SceneNeeds,
     textures::{Decode, FlatImage, ImageTexels, TextureSlot, TextureSlots, Textures},

@@ -33,6 +33,8 @@ struct Kept {
 pub struct Synced {
     /// Meshes that were put into a structure, because they are new or in another.
     pub built: usize,
+    /// Meshes of whose triangles something else is known now.
+    pub marked: usize,
     /// Time that building took.
     pub time: Duration,
 }
@@ -96,7 +98,8 @@ impl MeshCache {
             .zip(&meshes)
             .map(|((source, opacity), mesh)| (id(&source), (source, Kept { mesh: Arc::clone(mesh), opacity })))
             .collect();
-        (meshes, Synced { built: build.into_iter().filter(|build| *build).count(), time })
+        let count = |of: &[bool]| of.iter().filter(|one| **one).count();
+        (meshes, Synced { built: count(&build), marked: count(&mark), time })
     }
 }
 

@@ -15,6 +15,8 @@ mod materials;
 
 mod opacity;
 
+mod least_alpha;
+
 mod geometry;
 
 mod instances;
@@ -32,7 +34,8 @@ use std::{collections::HashMap, sync::Arc};
 
 pub use self::watch::{Watch, Watches};
 use self::{
-    geometry::MeshCache, instances::Shown, lights::EnvironmentCache, opacity::MeshOpacity, textures::ImageCache,
+    geometry::MeshCache, instances::Shown, lights::EnvironmentCache, opacity::AlphaCache, opacity::MeshOpacity,
+    textures::ImageCache,
 };
 use crate::{
     accel::{Accel, AccelKind},
@@ -46,6 +49,7 @@ use crate::{
 pub struct Systems {
     meshes: MeshCache,
     images: ImageCache,
+    alphas: AlphaCache,
     environment: EnvironmentCache,
     shown: Vec<Shown>,
     camera: Option<SceneKey>,
@@ -107,6 +111,8 @@ impl Systems {
             if meshes_synced || restructured {
                 report.rebuilt.push(("geometry", synced.built));
                 report.build_time = synced.time;
+            } else {
+                report.rebuilt.push(("opacity", synced.marked));
             }
             placement_changed = true;
         }
@@ -157,7 +163,7 @@ impl Systems {
     }
 
     /// Meshes of everything shown, in the order of first use, with what the materials say of their opacity.
-    fn sources(&self, flat: &FlatScene) -> Vec<(Arc<TriMesh>, MeshOpacity)> {
+    fn sources(&mut self, flat: &FlatScene) -> Vec<(Arc<TriMesh>, MeshOpacity)> {
         let mut users: Vec<(&Arc<TriMesh>, Vec<&[u32]>)> = Vec::new();
         let mut seen = HashMap::new();
         let mut base = 0;
@@ -170,8 +176,9 @@ impl Systems {
             users[row].1.push(&flat.material_rows[base..base + count]);
             base += count;
         }
-        let opacity = |users: Vec<&[u32]>| MeshOpacity::of_users(&flat.materials, users.into_iter());
-        users.into_iter().map(|(mesh, users)| (Arc::clone(mesh), opacity(users))).collect()
+        let images = &mut self.alphas;
+        let mut opacity = |mesh: &TriMesh, users: &[&[u32]]| MeshOpacity::of_users(mesh, users, flat, images);
+        users.into_iter().map(|(mesh, users)| (Arc::clone(mesh), opacity(mesh, &users))).collect()
     }
 
     /// Material rows of everything shown, with their textures; returns how many images were made anew.

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use super::dimensions::mix;
 use crate::{
     accel::{Coverage, Hit},
-    flat::{FlatScene, NONE, flags},
+    flat::{COVERS, FlatScene, NONE, flags},
 };
 
 /// Asks the materials of a scene.
@@ -62,7 +62,7 @@ impl Coverage for SceneCoverage<'_> {
         } else {
             // A pure function of the ray and the surface, so that the order of traversal does not matter.
             let u = mix(ray_id ^ mix(hit.triangle ^ mix(hit.instance))) >> 8;
-            (u as f32) * (1.0 / 16_777_216.0) < alpha
+            (u as f32) * (1.0 / 16_777_216.0) < alpha || alpha >= COVERS
         }
     }
 }

@@ -88,7 +88,7 @@ fn the_first_sync_builds_everything_and_the_second_nothing() {
     let mut copied = copy(&scene);
     let mut renderer = Renderer::new();
     let ran: Vec<&str> = renderer.sync(&mut copied).rebuilt.iter().map(|(name, _)| *name).collect();
-    assert_eq!(ran, ["transforms", "geometry", "textures", "materials", "instances", "lights", "camera"]);
+    assert_eq!(ran, ["transforms", "textures", "materials", "geometry", "instances", "lights", "camera"]);
     assert_eq!(renderer.sync(&mut copied).rebuilt, []);
     assert!(scene.despawn(SceneKey(0)));
 }
@@ -120,6 +120,29 @@ fn a_material_that_begins_to_emit_rebuilds_the_lights() {
         s.scene.world_mut().get::<&mut Material>(entity).unwrap().emissive = Vec3::splat(2.0);
     };
     check_edit(light_up, &["textures", "materials", "lights"]);
+}
+
+/// What is known of triangles lies in their trees, which are written to again.
+#[test]
+fn a_surface_that_gets_a_back_or_becomes_a_veil_is_told_to_the_trees() {
+    let all = ["textures", "materials", "opacity", "instances"];
+    check_edit(|s| s.scene.insert(s.paint, Material { double_sided: true, ..Material::default() }), &all);
+    let veil = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.5, ..Material::default() };
+    check_edit(|s| s.scene.insert(s.paint, veil.clone()), &all);
+    // And back, and with another entity that shows the same mesh otherwise.
+    check_edit(
+        |s| {
+            let mesh = s.scene.get::<Geometry>(s.object).unwrap();
+            s.scene.insert(s.paint, veil.clone());
+            s.renderer.sync(&mut s.scene);
+            s.scene.insert(s.paint, Material { double_sided: true, ..Material::default() });
+            s.renderer.sync(&mut s.scene);
+            let solid = s.scene.spawn((Material::default(),));
+            let place = LocalTransform::from_translation(DVec3::X);
+            s.scene.spawn((mesh, MaterialSlots::from(solid), place));
+        },
+        &["textures", "materials", "geometry", "instances"],
+    );
 }
 
 #[test]
@@ -192,7 +215,7 @@ fn replacing_a_mesh_builds_that_mesh_alone() {
         |s| {
             s.scene.insert(s.object, Geometry(Arc::new(TriMesh::cuboid(Vec3::splat(-0.5), Vec3::splat(0.5)))));
         },
-        &["geometry", "textures", "materials", "instances"],
+        &["textures", "materials", "geometry", "instances"],
     );
 }
 
@@ -202,13 +225,13 @@ fn hiding_and_despawning_take_an_object_out() {
         |s| {
             s.scene.insert(s.parent, Visibility(false));
         },
-        &["transforms", "geometry", "textures", "materials", "instances"],
+        &["transforms", "textures", "materials", "geometry", "instances"],
     );
     check_edit(
         |s| {
             s.scene.despawn(s.object);
         },
-        &["transforms", "geometry", "textures", "materials", "instances"],
+        &["transforms", "textures", "materials", "geometry", "instances"],
     );
 }
 
@@ -255,7 +278,7 @@ fn another_structure_and_edits_go_together() {
             s.renderer.accel = AccelKind::Grid;
             s.scene.insert(s.object, Geometry(Arc::new(TriMesh::cuboid(Vec3::splat(-0.5), Vec3::splat(0.5)))));
         },
-        &["geometry", "textures", "materials", "instances"],
+        &["textures", "materials", "geometry", "instances"],
     );
     check_edit(
         |s| {
@@ -263,7 +286,7 @@ fn another_structure_and_edits_go_together() {
             let clear = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.5, ..Material::default() };
             s.scene.insert(s.paint, clear);
         },
-        &["geometry", "textures", "materials", "instances"],
+        &["textures", "materials", "geometry", "instances"],
     );
 }
 

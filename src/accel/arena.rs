@@ -25,7 +25,7 @@ impl Granule {
 /// From here on huge pages are asked for: below, a tree touches few ordinary ones.
 const HUGE: usize = 1 << 21;
 
-/// An array of granules that never changes.
+/// An array of granules, written as a tree is built or refitted.
 ///
 /// A tree of a million triangles lies on some 20,000 ordinary pages, more than a core remembers the places of.
 #[derive(Debug)]
@@ -43,17 +43,17 @@ impl Default for Arena {
 }
 
 impl Arena {
-    /// Moves granules to where they stay.
-    pub fn new(granules: Vec<Granule>) -> Self {
-        let bytes = size_of_val(granules.as_slice());
+    /// So many granules of zeros.
+    pub fn zeroed(granules: usize) -> Self {
+        let bytes = granules * size_of::<Granule>();
+        let heap = || Self::Heap(vec![Granule::default(); granules]);
         if bytes < HUGE {
-            return Self::Heap(granules);
+            return heap();
         }
-        // Without pages of its own it stays where it is, which is slower and as right.
-        let Ok(mut pages) = MmapMut::map_anon(bytes) else { return Self::Heap(granules) };
+        // Without pages of its own it lies elsewhere, which is slower and as right.
+        let Ok(pages) = MmapMut::map_anon(bytes) else { return heap() };
         #[cfg(target_os = "linux")]
         let _ = pages.advise(memmap2::Advice::HugePage);
-        bytemuck::cast_slice_mut(&mut pages).copy_from_slice(&granules);
         Self::Pages(pages)
     }
 
@@ -65,6 +65,14 @@ impl Arena {
         }
     }
 
+    /// The granules, while a tree is written.
+    pub fn granules_mut(&mut self) -> &mut [Granule] {
+        match self {
+            Self::Heap(granules) => granules,
+            Self::Pages(pages) => bytemuck::cast_slice_mut(pages),
+        }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(self.granules())
@@ -73,6 +81,8 @@ impl Arena {
 
 impl Clone for Arena {
     fn clone(&self) -> Self {
-        Self::new(self.granules().to_vec())
+        let mut copy = Self::zeroed(self.granules().len());
+        copy.granules_mut().copy_from_slice(self.granules());
+        copy
     }
 }

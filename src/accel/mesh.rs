@@ -10,7 +10,9 @@ use rayon::prelude::*;
 
 use super::{
     Brute, Bsp, Bvh2, Cell, Counters, Grid, KdTree, Nearest, Octree, Ray, Shape, Structure, TriangleHit,
+    arena::Granule,
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
+    collapse::Leaves,
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
@@ -85,6 +87,23 @@ impl Default for Blas {
     }
 }
 
+/// The triangles that leaves are made of.
+struct Triangles<'a>(&'a [[[f32; 3]; 3]]);
+
+impl Leaves for Triangles<'_> {
+    const MOST: usize = LANES;
+
+    fn granules(count: usize) -> usize {
+        Block::granules(count)
+    }
+
+    fn write(&self, rows: &mut [u32], place: u32, into: &mut [Granule]) -> u32 {
+        // In order of rows, so that the block does not depend on how the tree came to it.
+        rows.sort_unstable();
+        LEAF | Block::write(rows.iter().map(|&row| (row, self.0[row as usize])), place, into)
+    }
+}
+
 impl Blas {
     /// In the default structure, over triangles given by their corners, which must be finite. Those without area are
     /// left out.
@@ -109,12 +128,7 @@ impl Blas {
             ..Self::default()
         };
         if let AccelKind::Bvh8(quality) = kind {
-            blas.tree = Bvh8::build(&boxes, quality, LANES, |rows, arena| {
-                // In order of rows, so that the block does not depend on how the tree came to it.
-                rows.sort_unstable();
-                let own: Vec<_> = rows.iter().map(|&row| (row, triangles[row as usize])).collect();
-                LEAF | Block::store(&own, arena)
-            });
+            blas.tree = Bvh8::build(&boxes, quality, &Triangles(triangles));
         } else {
             drop(boxes);
             blas.other = Other::build(kind, triangles);

@@ -15,11 +15,13 @@
 //! that pictures do not depend on the structure by a single bit.
 
 mod arena;
+mod binary;
 mod brute;
 mod bsp;
 mod bvh2;
 mod bvh8;
 mod closed;
+mod collapse;
 #[cfg(test)]
 mod family;
 mod grid;

@@ -1,6 +1,7 @@
 //! Memory that trees lie in: one piece, in units of half a cache line, on huge pages where the system gives them.
 
 use memmap2::MmapMut;
+use rayon::prelude::*;
 
 use crate::simd::LANES;
 
@@ -51,9 +52,11 @@ impl Arena {
             return heap();
         }
         // Without pages of its own it lies elsewhere, which is slower and as right.
-        let Ok(pages) = MmapMut::map_anon(bytes) else { return heap() };
+        let Ok(mut pages) = MmapMut::map_anon(bytes) else { return heap() };
         #[cfg(target_os = "linux")]
         let _ = pages.advise(memmap2::Advice::HugePage);
+        // The system clears a page when it is touched first: by all threads, not by whoever writes the first nodes.
+        pages.par_chunks_mut(HUGE).for_each(|page| page[0] = 0);
         Self::Pages(pages)
     }
 

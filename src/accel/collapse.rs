@@ -17,13 +17,14 @@ use std::{
 use bytemuck::{Pod, Zeroable, zeroed_vec};
 use obvhs::{aabb::Aabb, bvh2::node::Bvh2Node};
 use rayon::prelude::*;
+use wide::{f32x8, u32x8};
 
 use super::{
     arena::{Arena, Granule},
     bvh8::{INSTANCE, NODE},
     triangle::{Leaf, QUAD, TriangleQuad},
 };
-use crate::simd::LANES;
+use crate::simd::{LANES, prefetch};
 
 /// How leaves are made.
 pub(super) trait Leaves: Sync {
@@ -36,6 +37,9 @@ pub(super) trait Leaves: Sync {
     /// Writes a leaf that stands at `place` into the granules given to it, and returns its reference. The order of rows
     /// is not defined.
     fn write(&self, rows: &mut [u32], place: u32, into: &mut [Granule]) -> u32;
+
+    /// Asks for the memory that a row will be written from.
+    fn prefetch(&self, _row: u32) {}
 }
 
 /// References to instances: leaves without memory.
@@ -115,17 +119,35 @@ struct Solved {
     reference: u32,
 }
 
-/// The best share of `places` between two subtrees: its cost, and how many the first one gets.
-#[inline(always)]
-fn share(first: &Solved, second: &Solved, places: usize) -> (f32, usize) {
-    let mut best = (f32::INFINITY, 1);
-    for to_first in 1..places {
-        let cost = first.cost[to_first - 1] + second.cost[places - to_first - 1];
-        if cost < best.0 {
-            best = (cost, to_first);
+/// The best shares of 1, 2, … 8 places between two subtrees.
+struct Shares {
+    cost: [f32; LANES],
+    granules: [u32; LANES],
+    /// Places of the first.
+    to_first: [u32; LANES],
+}
+
+impl Shares {
+    /// Eight at a time: all numbers of places with so many of them for the first. One place cannot be shared.
+    #[inline(always)]
+    fn of(first: &Solved, second: &Solved) -> Self {
+        let (mut costs, mut sizes) = ([f32::INFINITY; 2 * LANES], [0; 2 * LANES]);
+        costs[LANES..].copy_from_slice(&second.cost);
+        sizes[LANES..].copy_from_slice(&second.granules);
+        let (mut cost, mut granules, mut to_first) = (f32x8::splat(f32::INFINITY), u32x8::ZERO, u32x8::ONE);
+        for own in 1..LANES {
+            let others: [f32; LANES] = *costs[LANES - own..].first_chunk().expect("eight places");
+            let sizes: [u32; LANES] = *sizes[LANES - own..].first_chunk().expect("eight places");
+            let candidate = f32x8::splat(first.cost[own - 1]) + f32x8::new(others);
+            let better = candidate.simd_lt(cost);
+            cost = better.bitselect(candidate, cost);
+            let better: u32x8 = bytemuck::cast(better);
+            let size = u32x8::splat(first.granules[own - 1]) + u32x8::new(sizes);
+            granules = better.bitselect(size, granules);
+            to_first = better.bitselect(u32x8::splat(own as u32), to_first);
         }
+        Self { cost: cost.to_array(), granules: granules.to_array(), to_first: to_first.to_array() }
     }
-    best
 }
 
 impl Solved {
@@ -137,33 +159,31 @@ impl Solved {
 
     /// Of the node over two subtrees, which is `reference`.
     fn over<L: Leaves>(first: &Self, second: &Self, reference: u32) -> (Self, Inner) {
-        let granules =
-            |places: usize, to_first: usize| first.granules[to_first - 1] + second.granules[places - to_first - 1];
+        let shares = Shares::of(first, second);
         let bounds = first.bounds.union(&second.bounds);
         let count = first.count + second.count;
         let area = bounds.half_area();
         let leaf = if count as usize <= L::MOST { leaf_cost(count) * area } else { f32::INFINITY };
-        let (below, to_first) = share(first, second, LANES);
-        let mut plan = (to_first as u32) << Plan::NODE;
-        let mut this = Self { cost: [area + below; LANES], granules: [0; LANES], bounds, count, reference };
-        this.granules[0] = NODE as u32 + granules(LANES, to_first);
-        if leaf <= this.cost[0] {
-            plan |= Plan::IS_LEAF;
-            (this.cost[0], this.granules[0]) = (leaf, L::granules(count as usize) as u32);
+        let node = area + shares.cost[LANES - 1];
+        let is_leaf = leaf <= node;
+        let mut plan = shares.to_first[LANES - 1] << Plan::NODE;
+        plan |= if is_leaf { Plan::IS_LEAF } else { 0 };
+        let mut cost = [if is_leaf { leaf } else { node }; LANES];
+        let own = if is_leaf { L::granules(count as usize) as u32 } else { NODE as u32 + shares.granules[LANES - 1] };
+        let mut granules = [own; LANES];
+        for places in 1..LANES {
+            let better = shares.cost[places] < cost[places - 1];
+            cost[places] = if better { shares.cost[places] } else { cost[places - 1] };
+            granules[places] = if better { shares.granules[places] } else { granules[places - 1] };
+            plan |= if better { shares.to_first[places] << (3 * (places - 1)) } else { 0 };
         }
-        for places in 2..=LANES {
-            let (cost, to_first) = if places < LANES { share(first, second, places) } else { (below, to_first) };
-            let better = cost < this.cost[places - 2];
-            this.cost[places - 1] = if better { cost } else { this.cost[places - 2] };
-            this.granules[places - 1] = if better { granules(places, to_first) } else { this.granules[places - 2] };
-            plan |= if better { to_first as u32 } else { 0 } << (3 * (places - 2));
-        }
+        let this = Self { cost, granules, bounds, count, reference };
         let inner = Inner {
             lower: bounds.min.to_array(),
             upper: bounds.max.to_array(),
             children: [first.reference, second.reference],
             plan: Plan(plan),
-            granules: this.granules[0],
+            granules: own,
         };
         (this, inner)
     }
@@ -191,6 +211,11 @@ fn solve<L: Leaves>(listed: &[[u32; 2]], start: u32, boxes: &[Aabb], pieces: &[S
     // The last of those that are listed is the lowest, and of a node's children the first comes to lie on top.
     let mut below: Vec<Solved> = Vec::new();
     for (place, children) in listed.iter().enumerate().rev() {
+        for child in place.checked_sub(AHEAD).map_or([0; 2], |ahead| listed[ahead]) {
+            if child & ROW != 0 {
+                prefetch::<1, _>(boxes, (child & !ROW) as usize);
+            }
+        }
         let [first, second] = children.map(|child| match child {
             0 => below.pop().expect("solved before its parent"),
             row if row & ROW != 0 => Solved::primitive::<L>(row & !ROW, &boxes[(row & !ROW) as usize]),
@@ -202,6 +227,9 @@ fn solve<L: Leaves>(listed: &[[u32; 2]], start: u32, boxes: &[Aabb], pieces: &[S
     }
     below.pop().expect("a piece has a root")
 }
+
+/// How many nodes ahead boxes are asked for. They lie anywhere, and waiting for them was half of the time.
+const AHEAD: usize = 16;
 
 /// Primitives of a piece, about. Of 1024, 4096 and 16384 all are as fast on few threads; it is for many.
 const PIECE_SIZE: usize = 2048;
@@ -224,7 +252,9 @@ pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &
     let writer = Writer { inners: &inners, boxes, leaves };
     let mut arena = Arena::zeroed(whole.granules as usize);
     if whole.plan.is_leaf() {
-        let root = writer.leaf(0, 0, arena.granules_mut());
+        let mut rows = Few::new();
+        writer.rows(0, &mut rows);
+        let root = leaves.write(&mut rows, 0, arena.granules_mut());
         return Collapsed { arena, root, stack: 0 };
     }
     let (mut large, mut tasks, mut stack) = (Vec::new(), Vec::new(), 0);
@@ -330,19 +360,12 @@ impl<L: Leaves> Writer<'_, L> {
         }
     }
 
-    /// Writes a leaf, for which there is as much room as it takes.
-    fn leaf(&self, reference: u32, place: u32, into: &mut [Granule]) -> u32 {
-        let mut rows = Few::default();
-        self.rows(reference, &mut rows);
-        self.leaves.write(&mut rows, place, into)
-    }
-
     /// Writes a node with its leaves beside it, adds its other children to those to write, and returns what a walk has
     /// put off when it leaves it.
     fn node<'a>(&self, subtree: Subtree<'a>, more: &mut Vec<Subtree<'a>>) -> usize {
         let Subtree { inner, place, put_off, into } = subtree;
         let Inner { children, plan, .. } = &self.inners[inner as usize];
-        let mut opened = Few::default();
+        let mut opened = Few::new();
         self.open(children[0], plan.of_node(), &mut opened);
         self.open(children[1], LANES - plan.of_node(), &mut opened);
         let put_off = put_off + opened.len();
@@ -359,11 +382,16 @@ impl<L: Leaves> Writer<'_, L> {
         }
         let references = &mut node[NODE - 1].0;
         let mut next = place + NODE as u32;
-        for (lane, &child) in opened.iter().enumerate().filter(|(_, child)| self.is_leaf(**child)) {
-            let granules = if child & ROW != 0 { L::granules(1) as u32 } else { self.inners[child as usize].granules };
-            let (own, others) = rest.split_at_mut(granules as usize);
-            references[lane] = self.leaf(child, next, own);
-            (next, rest) = (next + granules, others);
+        let mut leaves = [const { Few::new() }; LANES];
+        for (&child, rows) in opened.iter().zip(&mut leaves).filter(|(child, _)| self.is_leaf(**child)) {
+            self.rows(child, rows);
+            rows.iter().for_each(|&row| self.leaves.prefetch(row));
+        }
+        for (lane, rows) in leaves.iter_mut().enumerate().filter(|(_, rows)| !rows.is_empty()) {
+            let granules = L::granules(rows.len());
+            let (own, others) = rest.split_at_mut(granules);
+            references[lane] = self.leaves.write(rows, next, own);
+            (next, rest) = (next + granules as u32, others);
         }
         // The last to be added is the first to be written, so that the first stands right behind the leaves.
         for (lane, &child) in opened.iter().enumerate().filter(|(_, child)| !self.is_leaf(**child)).rev() {
@@ -378,13 +406,16 @@ impl<L: Leaves> Writer<'_, L> {
 }
 
 /// At most eight references or rows.
-#[derive(Default)]
 struct Few {
     all: [u32; LANES],
     count: usize,
 }
 
 impl Few {
+    const fn new() -> Self {
+        Self { all: [0; LANES], count: 0 }
+    }
+
     fn push(&mut self, one: u32) {
         self.all[self.count] = one;
         self.count += 1;

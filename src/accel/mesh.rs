@@ -11,12 +11,13 @@ use rayon::prelude::*;
 use super::{
     Brute, Bsp, Bvh2, Cell, Counters, Grid, KdTree, Nearest, Octree, Ray, Shape, Structure, TriangleHit,
     arena::Granule,
+    binary::{SHARE, union},
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
     collapse::Leaves,
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
-use crate::simd::LANES;
+use crate::simd::{LANES, prefetch};
 
 /// The structure that triangles are put into. All give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,6 +88,18 @@ impl Default for Blas {
     }
 }
 
+/// Boxes of triangles with all that they may be hit at; empty where a triangle has no area.
+fn boxes_of(triangles: &[[[f32; 3]; 3]]) -> Vec<Aabb> {
+    let corners = |part: &[[[f32; 3]; 3]]| part.iter().fold(Bounds::EMPTY, |all, one| all.union(&Bounds::of(one)));
+    let parts: Vec<Bounds> = triangles.par_chunks(SHARE).map(corners).collect();
+    let covered = covered(&parts.iter().fold(Bounds::EMPTY, |all, part| all.union(part)));
+    let bounds_of = |corners: &[[f32; 3]; 3]| {
+        let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
+        Aabb::new(lower.into(), upper.into())
+    };
+    triangles.par_iter().with_min_len(SHARE).map(bounds_of).collect()
+}
+
 /// The triangles that leaves are made of.
 struct Triangles<'a>(&'a [[[f32; 3]; 3]]);
 
@@ -102,6 +115,10 @@ impl Leaves for Triangles<'_> {
         rows.sort_unstable();
         LEAF | Block::write(rows.iter().map(|&row| (row, self.0[row as usize])), place, into)
     }
+
+    fn prefetch(&self, row: u32) {
+        prefetch::<1, _>(self.0, row as usize);
+    }
 }
 
 impl Blas {
@@ -114,17 +131,15 @@ impl Blas {
     /// [`Blas::build`], in the structure asked for.
     pub fn build_as(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Self {
         let start = Instant::now();
-        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
-        let covered = covered(&whole);
-        let bounds_of = |corners: &[[f32; 3]; 3]| {
-            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
-            Aabb::new(lower.into(), upper.into())
-        };
-        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
+        let boxes = boxes_of(triangles);
+        let parts: Vec<(Aabb, usize)> = boxes
+            .par_chunks(SHARE)
+            .map(|part| (union(part.iter().copied()), part.iter().filter(|one| one.valid()).count()))
+            .collect();
         let mut blas = Self {
             // Of all structures alike: the size of the scene is found by it.
-            bounds: boxes.iter().fold(Aabb::empty(), |all, one| all.union(one)),
-            triangles: boxes.iter().filter(|one| one.valid()).count(),
+            bounds: union(parts.iter().map(|part| part.0)),
+            triangles: parts.iter().map(|part| part.1).sum(),
             ..Self::default()
         };
         if let AccelKind::Bvh8(quality) = kind {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::simd::LANES;
 
 /// Eight numbers of 32 bits, the unit of an [`Arena`].
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub struct Granule(pub [u32; LANES]);
 

@@ -27,7 +27,7 @@ pub(super) fn pair(boxes: &[Aabb], rows: &[u32], quality: Quality) -> Vec<Bvh2No
     let whole = union(parts.into_iter());
     let mut tree = Bvh2::zeroed(rows.len());
     match quality {
-        Quality::Fast => builder.build_ploc_from_leaves::<1, false>(&mut tree, whole, SortPrecision::U64, 0),
+        Quality::Fast => builder.build_ploc_from_leaves::<2, false>(&mut tree, whole, SortPrecision::U64, 0),
         Quality::Good => builder.build_ploc_from_leaves::<14, false>(&mut tree, whole, SortPrecision::U64, 3),
         Quality::Best => builder.build_ploc_from_leaves::<24, false>(&mut tree, whole, SortPrecision::U128, 2),
     }

@@ -233,53 +233,117 @@ pub(super) fn bounds_of(points: impl IntoIterator<Item = [f32; 3]>) -> Aabb {
 mod tests {
     use super::*;
 
-    /// Over 5,000 boxes each row is in exactly one leaf, and what a node says of a child holds all below it.
-    #[test]
-    fn leaves_partition_the_rows_and_boxes_enclose_their_subtrees() {
-        let number = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0;
-        let boxes: Vec<Aabb> = (0..5000_u32)
-            .map(|i| {
-                let corner = [number(3 * i), number(3 * i + 1), number(3 * i + 2)];
-                bounds_of([corner, corner.map(|x| x + 0.01)])
-            })
-            .collect();
-        for quality in [Quality::Fast, Quality::Good, Quality::Best] {
-            for most in [1, 8] {
-                let mut leaves = Vec::new();
-                let tree = Bvh8::build(&boxes, quality, most, |rows, _| {
-                    leaves.push(rows.to_vec());
-                    LEAF | (leaves.len() as u32 - 1)
-                });
-                let mut seen = vec![0; boxes.len()];
-                leaves.iter().flatten().for_each(|&row| seen[row as usize] += 1);
-                assert!(seen.iter().all(|&count| count == 1));
-                assert!(leaves.iter().all(|rows| (1..=most).contains(&rows.len())));
-                let put_off = check(&tree, &leaves, &boxes, tree.root.unwrap(), &Aabb::LARGEST);
-                assert_eq!(put_off, tree.stack);
+    /// Leaves of their rows' numbers.
+    struct Rows<const MOST: usize>;
+
+    impl<const MOST: usize> Leaves for Rows<MOST> {
+        const MOST: usize = MOST;
+
+        /// One row to a granule, so that sizes differ as much as they can.
+        fn granules(count: usize) -> usize {
+            count
+        }
+
+        fn write(&self, rows: &mut [u32], place: u32, into: &mut [Granule]) -> u32 {
+            assert_eq!(into.len(), Self::granules(rows.len()));
+            rows.sort_unstable();
+            for (granule, &row) in into.iter_mut().zip(&*rows) {
+                granule.0 = [row, rows.len() as u32, 0, 0, 0, 0, 0, 0];
             }
+            LEAF | place
         }
     }
 
+    fn boxes(count: u32) -> Vec<Aabb> {
+        let number = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0;
+        let boxed = |i: u32| {
+            let corner = [number(3 * i), number(3 * i + 1), number(3 * i + 2)];
+            bounds_of([corner, corner.map(|x| x + 0.01)])
+        };
+        (0..count).map(boxed).collect()
+    }
+
+    const QUALITIES: [Quality; 3] = [Quality::Fast, Quality::Good, Quality::Best];
+
+    /// Over up to 9,000 boxes each row is in exactly one leaf, what a node says of a child holds all below it, and no
+    /// memory is left over.
+    #[test]
+    fn leaves_partition_the_rows_and_boxes_enclose_their_subtrees() {
+        for quality in QUALITIES {
+            for count in [0, 1, 2, 3, 9, 100, 9000] {
+                check::<1>(&boxes(count), quality);
+                check::<8>(&boxes(count), quality);
+            }
+        }
+        // Those that are empty are not there.
+        let mut some = boxes(5000);
+        some.iter_mut().step_by(3).for_each(|one| *one = Aabb::empty());
+        check::<8>(&some, Quality::Good);
+        check::<8>(&vec![Aabb::empty(); 10], Quality::Good);
+    }
+
+    fn check<const MOST: usize>(boxes: &[Aabb], quality: Quality) {
+        let tree = Bvh8::build(boxes, quality, &Rows::<MOST>);
+        let (mut seen, mut used) = (vec![0; boxes.len()], 0);
+        let put_off = tree.root.map_or(0, |root| {
+            check_below::<MOST>(&tree, boxes, root, &Aabb::LARGEST, &mut |granules, rows| {
+                used += granules;
+                rows.iter().for_each(|&row| seen[row as usize] += 1);
+            })
+        });
+        assert!(seen.iter().zip(boxes).all(|(&count, one)| count == u32::from(one.valid())));
+        assert_eq!((put_off, used), (tree.stack, tree.arena.granules().len()));
+    }
+
     /// Checks a subtree and returns the most that a walk through it puts off.
-    fn check(tree: &Bvh8, leaves: &[Vec<u32>], boxes: &[Aabb], child: u32, within: &Aabb) -> usize {
+    fn check_below<const MOST: usize>(
+        tree: &Bvh8,
+        boxes: &[Aabb],
+        child: u32,
+        within: &Aabb,
+        visit: &mut impl FnMut(usize, &[u32]),
+    ) -> usize {
         let holds = |inner: &Aabb| {
             (0..3).all(|axis| within.min[axis] <= inner.min[axis] && inner.max[axis] <= within.max[axis])
         };
+        let arena = tree.arena.granules();
         if child & LEAF != 0 {
-            assert!(leaves[(child & !LEAF) as usize].iter().all(|&row| holds(&boxes[row as usize])));
+            let held = &arena[(child & !LEAF) as usize..];
+            let rows: Vec<u32> = held[..held[0].0[1] as usize].iter().map(|granule| granule.0[0]).collect();
+            assert!((1..=MOST).contains(&rows.len()) && rows.iter().all(|&row| holds(&boxes[row as usize])));
+            visit(rows.len(), &rows);
             return 0;
         }
-        let node = Node::at(tree.arena.granules(), child);
+        let node = Node::at(arena, child);
         let plane = |plane: usize, lane: usize| node.0[plane].values()[lane];
         let real: Vec<usize> = (0..LANES).filter(|&lane| plane(0, lane) <= plane(1, lane)).collect();
         let mut most = real.len();
+        visit(NODE, &[]);
         for &lane in &real {
             let [lo, hi] =
                 [0, 1].map(|side| Vec3A::from_array(std::array::from_fn(|axis| plane(2 * axis + side, lane))));
             let bounds = Aabb::new(lo, hi);
             assert!(holds(&bounds));
-            most = most.max(real.len() - 1 + check(tree, leaves, boxes, node.children()[lane], &bounds));
+            most = most.max(real.len() - 1 + check_below::<MOST>(tree, boxes, node.children()[lane], &bounds, visit));
         }
         most
+    }
+
+    /// Whoever builds which part of it: pieces are solved and written by any thread.
+    #[test]
+    fn the_tree_does_not_depend_on_the_number_of_threads() {
+        let boxes = boxes(40_000);
+        for quality in QUALITIES {
+            let built = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| Bvh8::build(&boxes, quality, &Rows::<8>))
+            };
+            let alone = built(1);
+            for threads in [2, 5] {
+                let tree = built(threads);
+                assert!(tree.arena.granules() == alone.arena.granules(), "{threads} threads");
+                assert_eq!((tree.root, tree.stack), (alone.root, alone.stack));
+            }
+        }
     }
 }

@@ -12,7 +12,7 @@ use wide::f32x8;
 use super::{
     arena::{Arena, Granule},
     binary::pair,
-    collapse::{Collapsed, Leaves, collapse},
+    collapse::{Collapsed, Leaves, collapse, leaf_cost},
     structure::Counters,
     triangle::{Ray, Side},
 };
@@ -65,6 +65,8 @@ pub(super) struct Bvh8 {
     pub root: Option<u32>,
     /// The most subtrees that a walk puts off at a time.
     pub stack: usize,
+    /// Expected cost of a ray in steps, times half the area of the box around everything.
+    pub cost: f32,
     /// What building the binary tree took.
     pub binary_time: Duration,
 }
@@ -76,13 +78,14 @@ impl Bvh8 {
         if rows.len() < 2 {
             let mut arena = Arena::zeroed(L::granules(1) * rows.len());
             let root = (!rows.is_empty()).then(|| leaves.write(&mut rows, 0, arena.granules_mut()));
-            return Self { root, arena, ..Self::default() };
+            let cost = rows.first().map_or(0.0, |&row| leaf_cost(1) * boxes[row as usize].half_area());
+            return Self { root, arena, cost, ..Self::default() };
         }
         let start = Instant::now();
         let binary = pair(boxes, &rows, quality);
         let binary_time = start.elapsed();
-        let Collapsed { arena, root, stack } = collapse(&binary, boxes, leaves);
-        Self { arena, root: Some(root), stack, binary_time }
+        let Collapsed { arena, root, stack, cost } = collapse(&binary, boxes, leaves);
+        Self { arena, root: Some(root), stack, cost, binary_time }
     }
 
     /// Bytes held.

@@ -237,16 +237,17 @@ const PIECE_SIZE: usize = 2048;
 /// What is written by one thread, in granules, about: some thousand triangles.
 const TASK: u32 = 1 << 14;
 
-/// Nodes and leaves, the reference of the root, and how many subtrees a walk puts off at most.
+/// What is made of a binary tree; see [`super::bvh8::Bvh8`].
 pub(super) struct Collapsed {
     pub arena: Arena,
     pub root: u32,
     pub stack: usize,
+    pub cost: f32,
 }
 
 /// Collapses a binary tree of at least two leaves, whose own boxes are not looked at.
 pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &L) -> Collapsed {
-    let inners = plan::<L>(binary, boxes);
+    let (inners, cost) = plan::<L>(binary, boxes);
     let whole = &inners[0];
     assert!(whole.granules < QUAD, "16 GiB of one mesh");
     let writer = Writer { inners: &inners, boxes, leaves };
@@ -255,7 +256,7 @@ pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &
         let mut rows = Few::new();
         writer.rows(0, &mut rows);
         let root = leaves.write(&mut rows, 0, arena.granules_mut());
-        return Collapsed { arena, root, stack: 0 };
+        return Collapsed { arena, root, stack: 0, cost };
     }
     let (mut large, mut tasks, mut stack) = (Vec::new(), Vec::new(), 0);
     large.push(Subtree { inner: 0, place: 0, put_off: 0, into: arena.granules_mut() });
@@ -274,11 +275,11 @@ pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &
         stack
     };
     let stack = tasks.into_par_iter().map(write).reduce(|| stack, usize::max);
-    Collapsed { arena, root: 0, stack }
+    Collapsed { arena, root: 0, stack, cost }
 }
 
-/// The inner nodes of a binary tree with what is best made of each; the root first.
-fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> Vec<Inner> {
+/// The inner nodes of a binary tree with what is best made of each, the root first; and what it costs.
+fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> (Vec<Inner>, f32) {
     // What is left of a walk by levels are the roots of pieces.
     let mut roots = VecDeque::from([0_u32]);
     while roots.len() < binary.len() / (2 * PIECE_SIZE)
@@ -301,8 +302,8 @@ fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> Vec<Inner> {
     }
     let solved: Vec<Solved> =
         parts.into_par_iter().map(|(list, start, into)| solve::<L>(list, start, boxes, &[], into)).collect();
-    solve::<L>(&above, 0, boxes, &solved, top);
-    inners
+    let whole = solve::<L>(&above, 0, boxes, &solved, top);
+    (inners, whole.cost[0])
 }
 
 /// A wide node to write with all that is below it.

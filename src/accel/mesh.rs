@@ -71,8 +71,9 @@ pub struct Blas {
     /// The other structure, in its place.
     pub(super) other: Option<Other>,
     pub(super) bounds: Aabb,
-    /// Triangles with an area.
-    triangles: usize,
+    /// Triangles given, and rows of those among them that are left out for having no area.
+    given: usize,
+    left_out: Vec<u32>,
     build_time: Duration,
 }
 
@@ -82,22 +83,37 @@ impl Default for Blas {
             tree: Bvh8::default(),
             other: None,
             bounds: Aabb::empty(),
-            triangles: 0,
+            given: 0,
+            left_out: Vec::new(),
             build_time: Duration::default(),
         }
     }
 }
 
-/// Boxes of triangles with all that they may be hit at; empty where a triangle has no area.
-fn boxes_of(triangles: &[[[f32; 3]; 3]]) -> Vec<Aabb> {
+/// The box around triangles and where their hits may be, if they have an area. `covered` is that of all of them.
+fn box_of(corners: &[[f32; 3]; 3], covered: f64) -> Aabb {
+    let Bounds { lower, upper } = blurred(corners, covered);
+    Aabb::new(lower.into(), upper.into())
+}
+
+/// [`covered`] by the rays at triangles.
+fn covered_at(triangles: &[[[f32; 3]; 3]]) -> f64 {
     let corners = |part: &[[[f32; 3]; 3]]| part.iter().fold(Bounds::EMPTY, |all, one| all.union(&Bounds::of(one)));
     let parts: Vec<Bounds> = triangles.par_chunks(SHARE).map(corners).collect();
-    let covered = covered(&parts.iter().fold(Bounds::EMPTY, |all, part| all.union(part)));
-    let bounds_of = |corners: &[[f32; 3]; 3]| {
-        let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
-        Aabb::new(lower.into(), upper.into())
-    };
+    covered(&parts.iter().fold(Bounds::EMPTY, |all, part| all.union(part)))
+}
+
+/// Boxes of triangles; empty where one has no area.
+fn boxes_of(triangles: &[[[f32; 3]; 3]]) -> Vec<Aabb> {
+    let covered = covered_at(triangles);
+    let bounds_of = |one: &[[f32; 3]; 3]| if has_area(one) { box_of(one, covered) } else { Aabb::empty() };
     triangles.par_iter().with_min_len(SHARE).map(bounds_of).collect()
+}
+
+/// Rows of triangles that have no area.
+fn without_area(triangles: &[[[f32; 3]; 3]]) -> Vec<u32> {
+    let rows = triangles.par_iter().enumerate().with_min_len(SHARE);
+    rows.filter(|(_, one)| !has_area(one)).map(|(row, _)| row as u32).collect()
 }
 
 /// The triangles that leaves are made of.
@@ -132,14 +148,12 @@ impl Blas {
     pub fn build_as(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Self {
         let start = Instant::now();
         let boxes = boxes_of(triangles);
-        let parts: Vec<(Aabb, usize)> = boxes
-            .par_chunks(SHARE)
-            .map(|part| (union(part.iter().copied()), part.iter().filter(|one| one.valid()).count()))
-            .collect();
+        let parts: Vec<Aabb> = boxes.par_chunks(SHARE).map(|part| union(part.iter().copied())).collect();
         let mut blas = Self {
             // Of all structures alike: the size of the scene is found by it.
-            bounds: union(parts.iter().map(|part| part.0)),
-            triangles: parts.iter().map(|part| part.1).sum(),
+            bounds: union(parts.into_iter()),
+            given: triangles.len(),
+            left_out: without_area(triangles),
             ..Self::default()
         };
         if let AccelKind::Bvh8(quality) = kind {
@@ -152,6 +166,39 @@ impl Blas {
         blas
     }
 
+    /// Puts the same tree around triangles that have moved, several times as fast as building another, and says whether
+    /// that was done. Afterwards the hits are those of a tree built for them; but if neighbours have parted, boxes overlap
+    /// and rays take longer, of which [`Blas::cost`] tells.
+    ///
+    /// It is not done, and nothing is changed, if there is another number of triangles, if some have lost or gained their
+    /// area, or if they are in another structure than the eight-wide tree.
+    ///
+    /// A top level over meshes that were refitted is built anew: [`super::Accel::build`] looks into their trees.
+    pub fn refit(&mut self, triangles: &[[[f32; 3]; 3]]) -> bool {
+        if self.other.is_some() || triangles.len() != self.given || without_area(triangles) != self.left_out {
+            return false;
+        }
+        let covered = covered_at(triangles);
+        self.bounds = self.tree.refit(&|leaf: &mut [Granule], kind| {
+            let (mut rows, mut count) = ([0; LANES], 0);
+            for row in Block::at(leaf, kind).rows() {
+                prefetch::<1, _>(triangles, row as usize);
+                (rows[count], count) = (row, count + 1);
+            }
+            let own = rows[..count].iter().map(|&row| (row, triangles[row as usize]));
+            Block::write(own.clone(), 0, &mut leaf[..Block::granules(count)]);
+            union(own.map(|(_, corners)| box_of(&corners, covered)))
+        });
+        true
+    }
+
+    /// Steps that a ray through the box around the mesh is expected to take, of nodes and leaves, if nothing stops it: the
+    /// surface area heuristic. Zero if the triangles are in another structure than the eight-wide tree.
+    pub fn cost(&self) -> f32 {
+        let area = self.bounds.half_area();
+        if self.tree.root.is_some() && area > 0.0 { self.tree.cost / area } else { 0.0 }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.tree.bytes() + self.other.as_ref().map_or(0, Other::bytes)
@@ -159,7 +206,7 @@ impl Blas {
 
     /// Triangles held in leaves or cells; more than there are where space is divided and not the objects.
     pub fn references(&self) -> usize {
-        self.other.as_ref().map_or(self.triangles, Other::references)
+        self.other.as_ref().map_or(self.given - self.left_out.len(), Other::references)
     }
 
     /// Time that building took. Meshes are built at the same time, so the times of several may overlap.

@@ -33,6 +33,7 @@ mod octree;
 mod open;
 mod polytope;
 mod queue;
+mod refit;
 pub mod slab;
 pub mod slanted;
 mod space;

@@ -388,6 +388,15 @@ impl<'a> Block<'a> {
         }
     }
 
+    /// Rows of the triangles in it.
+    pub fn rows(self) -> impl Iterator<Item = u32> {
+        let most = match self {
+            Self::Eight(_) => TriangleBlock::MOST,
+            Self::Four(_) => TriangleQuad::MOST,
+        };
+        (0..most).map(move |lane| self.row(lane)).take_while(|&row| row != NONE)
+    }
+
     /// The triangles in it, with their rows.
     pub fn triangles(&self) -> Vec<(u32, [[f32; 3]; 3])> {
         fn of<L: Leaf>(block: &L) -> Vec<(u32, [[f32; 3]; 3])> {

@@ -133,7 +133,6 @@ fn cost_of_leaf(block: &[Granule], kind: u32, bounds: &Aabb) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::accel::{AccelKind, Blas, Brute, Nearest, Structure, family};
 
     type Triangles = Vec<[[f32; 3]; 3]>;

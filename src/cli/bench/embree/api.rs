@@ -26,6 +26,14 @@ pub const ROBUST: c_uint = 1 << 2;
 pub const MEDIUM: c_uint = 1;
 /// `RTC_BUILD_QUALITY_HIGH`.
 pub const HIGH: c_uint = 2;
+/// `RTC_BUILD_QUALITY_LOW`.
+pub const LOW: c_uint = 0;
+/// `RTC_BUILD_QUALITY_REFIT`.
+pub const REFIT: c_uint = 3;
+/// `RTC_GEOMETRY_TYPE_INSTANCE`.
+pub const INSTANCE: c_uint = 121;
+/// `RTC_FORMAT_FLOAT3X4_ROW_MAJOR`.
+pub const MATRIX: c_uint = 0x9134;
 /// `RTC_GEOMETRY_TYPE_TRIANGLE`.
 pub const TRIANGLES: c_uint = 0;
 /// `RTC_BUFFER_TYPE_INDEX`, `RTC_FORMAT_UINT3`.
@@ -113,6 +121,10 @@ pub struct Api {
     pub new_buffer: unsafe extern "C" fn(Handle, c_uint, c_uint, c_uint, usize, usize) -> *mut c_void,
     pub commit_geometry: unsafe extern "C" fn(Handle),
     pub attach_geometry: unsafe extern "C" fn(Handle, Handle) -> c_uint,
+    pub geometry_quality: unsafe extern "C" fn(Handle, c_uint),
+    pub update_buffer: unsafe extern "C" fn(Handle, c_uint, c_uint),
+    pub instanced_scene: unsafe extern "C" fn(Handle, Handle),
+    pub transform: unsafe extern "C" fn(Handle, c_uint, c_uint, *const c_void),
     pub intersect: Query<RayHit>,
     pub occluded: Query<RayHit>,
     pub intersect_8: PacketQuery<8>,
@@ -193,6 +205,10 @@ pub fn open(path: &Path) -> Result<Api, CliError> {
         new_buffer: function!(b"rtcSetNewGeometryBuffer"),
         commit_geometry: function!(b"rtcCommitGeometry"),
         attach_geometry: function!(b"rtcAttachGeometry"),
+        geometry_quality: function!(b"rtcSetGeometryBuildQuality"),
+        update_buffer: function!(b"rtcUpdateGeometryBuffer"),
+        instanced_scene: function!(b"rtcSetGeometryInstancedScene"),
+        transform: function!(b"rtcSetGeometryTransform"),
         intersect: function!(b"rtcIntersect1"),
         occluded: function!(b"rtcOccluded1"),
         intersect_8: function!(b"rtcIntersect8"),
@@ -228,12 +244,29 @@ impl Mesh {
     /// Over triangles, and how long it took.
     #[allow(unsafe_code)]
     pub fn build(api: &Arc<Api>, triangles: &[Corners], flags: c_uint, quality: c_uint) -> Result<(Self, f64), String> {
-        // As many threads as the other structures are built by.
+        let mesh = Self::empty(api, flags, quality)?;
+        let (geometry, _) = mesh.geometry(triangles)?;
+        // As for the other structures, the clock starts when the triangles are there.
+        let start = Instant::now();
+        // SAFETY: the functions are called as the manual has it, the geometry is not used any more once it is released.
+        unsafe {
+            (api.commit_geometry)(geometry);
+            (api.attach_geometry)(mesh.scene, geometry);
+            (api.release_geometry)(geometry);
+            (api.commit_scene)(mesh.scene);
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        mesh.checked()?;
+        Ok((mesh, seconds))
+    }
+
+    /// A scene without anything, on a device of as many threads as other structures are built by.
+    #[allow(unsafe_code)]
+    pub fn empty(api: &Arc<Api>, flags: c_uint, quality: c_uint) -> Result<Self, String> {
         let config = format!("threads={}", rayon::current_num_threads());
         let config = CString::new(config).map_err(|error| error.to_string())?;
         let bytes = Box::new(AtomicIsize::new(0));
-        // SAFETY: the functions are called as the manual has it; buffers are written within their size, which is that of
-        // the triangles, and before the geometry is committed.
+        // SAFETY: as above.
         unsafe {
             let device = (api.new_device)(config.as_ptr());
             if device.is_null() {
@@ -241,30 +274,41 @@ impl Mesh {
             }
             (api.monitor_memory)(device, Some(count_bytes), ptr::from_ref(&*bytes).cast_mut().cast());
             let scene = (api.new_scene)(device);
-            let mesh = Self { api: api.clone(), device, scene, bytes };
             (api.scene_flags)(scene, flags);
             (api.scene_quality)(scene, quality);
-            let geometry = (api.new_geometry)(device, TRIANGLES);
-            if !triangles.is_empty() {
-                let vertices = (api.new_buffer)(geometry, VERTICES.0, 0, VERTICES.1, 12, 3 * triangles.len());
-                let indices = (api.new_buffer)(geometry, INDICES.0, 0, INDICES.1, 12, triangles.len());
-                if vertices.is_null() || indices.is_null() {
-                    return Err(format!("no buffers: error {}", (api.device_error)(device)));
-                }
-                ptr::copy_nonoverlapping(triangles.as_ptr(), vertices.cast(), triangles.len());
-                (0..3 * triangles.len()).for_each(|at| indices.cast::<u32>().add(at).write(at as u32));
+            Ok(Self { api: api.clone(), device, scene, bytes })
+        }
+    }
+
+    /// A geometry of triangles, not committed yet, and the memory that its corners are in, which is there as long as it.
+    #[allow(unsafe_code)]
+    pub fn geometry(&self, triangles: &[Corners]) -> Result<(Handle, *mut Corners), String> {
+        let api = &self.api;
+        // SAFETY: buffers are written within their size, which is that of the triangles, and before the geometry is
+        // committed.
+        unsafe {
+            let geometry = (api.new_geometry)(self.device, TRIANGLES);
+            if triangles.is_empty() {
+                return Ok((geometry, ptr::null_mut()));
             }
-            // As for the other structures, the clock starts when the triangles are there.
-            let start = Instant::now();
-            (api.commit_geometry)(geometry);
-            (api.attach_geometry)(scene, geometry);
-            (api.release_geometry)(geometry);
-            (api.commit_scene)(scene);
-            let seconds = start.elapsed().as_secs_f64();
-            match (api.device_error)(device) {
-                0 => Ok((mesh, seconds)),
-                error => Err(format!("the build failed: error {error}")),
+            let vertices = (api.new_buffer)(geometry, VERTICES.0, 0, VERTICES.1, 12, 3 * triangles.len());
+            let indices = (api.new_buffer)(geometry, INDICES.0, 0, INDICES.1, 12, triangles.len());
+            if vertices.is_null() || indices.is_null() {
+                return Err(format!("no buffers: error {}", (api.device_error)(self.device)));
             }
+            ptr::copy_nonoverlapping(triangles.as_ptr(), vertices.cast(), triangles.len());
+            (0..3 * triangles.len()).for_each(|at| indices.cast::<u32>().add(at).write(at as u32));
+            Ok((geometry, vertices.cast()))
+        }
+    }
+
+    /// An error if something went wrong on the device.
+    #[allow(unsafe_code)]
+    pub fn checked(&self) -> Result<(), String> {
+        // SAFETY: the device is there as long as this is.
+        match unsafe { (self.api.device_error)(self.device) } {
+            0 => Ok(()),
+            error => Err(format!("the build failed: error {error}")),
         }
     }
 

@@ -4,6 +4,7 @@
 //! room is left where newer versions of it, or builds with several levels of instances, write more.
 
 mod api;
+mod builds;
 
 use std::{
     path::Path,
@@ -17,6 +18,7 @@ use self::api::{
     ALL_FEATURES, Arguments, COHERENT, HIGH, INSTANCES, MEDIUM, Mesh, NOTHING, Packet, PacketQuery, ROBUST, RayHit,
     open,
 };
+pub use self::builds::build_peers;
 use super::{
     accel::Peers,
     contender::{Answer, Built, Contender},

@@ -1,11 +1,12 @@
 //! Memory that trees lie in: one piece, in units of half a cache line, on huge pages where the system gives them.
 
 use memmap2::MmapMut;
+use rayon::prelude::*;
 
 use crate::simd::LANES;
 
 /// Eight numbers of 32 bits, the unit of an [`Arena`].
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub struct Granule(pub [u32; LANES]);
 
@@ -25,7 +26,7 @@ impl Granule {
 /// From here on huge pages are asked for: below, a tree touches few ordinary ones.
 const HUGE: usize = 1 << 21;
 
-/// An array of granules that stays where it is.
+/// An array of granules, written as a tree is built or refitted.
 ///
 /// A tree of a million triangles lies on some 20,000 ordinary pages, more than a core remembers the places of.
 #[derive(Debug)]
@@ -43,17 +44,19 @@ impl Default for Arena {
 }
 
 impl Arena {
-    /// Moves granules to where they stay.
-    pub fn new(granules: Vec<Granule>) -> Self {
-        let bytes = size_of_val(granules.as_slice());
+    /// So many granules of zeros.
+    pub fn zeroed(granules: usize) -> Self {
+        let bytes = granules * size_of::<Granule>();
+        let heap = || Self::Heap(vec![Granule::default(); granules]);
         if bytes < HUGE {
-            return Self::Heap(granules);
+            return heap();
         }
-        // Without pages of its own it stays where it is, which is slower and as right.
-        let Ok(mut pages) = MmapMut::map_anon(bytes) else { return Self::Heap(granules) };
+        // Without pages of its own it lies elsewhere, which is slower and as right.
+        let Ok(mut pages) = MmapMut::map_anon(bytes) else { return heap() };
         #[cfg(target_os = "linux")]
         let _ = pages.advise(memmap2::Advice::HugePage);
-        bytemuck::cast_slice_mut(&mut pages).copy_from_slice(&granules);
+        // The system clears a page when it is touched first: by all threads, not by whoever writes the first nodes.
+        pages.par_chunks_mut(HUGE).for_each(|page| page[0] = 0);
         Self::Pages(pages)
     }
 
@@ -65,7 +68,7 @@ impl Arena {
         }
     }
 
-    /// The granules, to be changed.
+    /// The granules, while a tree is written.
     pub fn granules_mut(&mut self) -> &mut [Granule] {
         match self {
             Self::Heap(granules) => granules,
@@ -81,6 +84,8 @@ impl Arena {
 
 impl Clone for Arena {
     fn clone(&self) -> Self {
-        Self::new(self.granules().to_vec())
+        let mut copy = Self::zeroed(self.granules().len());
+        copy.granules_mut().copy_from_slice(self.granules());
+        copy
     }
 }

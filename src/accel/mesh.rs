@@ -10,12 +10,15 @@ use rayon::prelude::*;
 
 use super::{
     Brute, Bsp, Bvh2, Cell, Counters, Grid, KdTree, Nearest, Octree, Ray, Shape, Structure, TriangleHit,
+    arena::Granule,
+    binary::{SHARE, union},
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
-    opacity::Opacity,
+    collapse::Leaves,
+    opacity::{Opacity, ROW},
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
-use crate::simd::LANES;
+use crate::simd::{LANES, prefetch};
 
 /// The structure that triangles are put into. All give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,10 +72,9 @@ pub struct Blas {
     /// The other structure, in its place.
     pub(super) other: Option<Other>,
     pub(super) bounds: Aabb,
-    /// Triangles with an area.
-    triangles: usize,
-    /// All triangles.
-    rows: u32,
+    /// Triangles given, and rows of those among them that are left out for having no area.
+    given: usize,
+    left_out: Vec<u32>,
     /// Some triangle does not stop every ray.
     pub(super) asks: bool,
     build_time: Duration,
@@ -84,11 +86,58 @@ impl Default for Blas {
             tree: Bvh8::default(),
             other: None,
             bounds: Aabb::empty(),
-            triangles: 0,
-            rows: 0,
+            given: 0,
+            left_out: Vec::new(),
             asks: false,
             build_time: Duration::default(),
         }
+    }
+}
+
+/// The box around triangles and where their hits may be, if they have an area. `covered` is that of all of them.
+fn box_of(corners: &[[f32; 3]; 3], covered: f64) -> Aabb {
+    let Bounds { lower, upper } = blurred(corners, covered);
+    Aabb::new(lower.into(), upper.into())
+}
+
+/// [`covered`] by the rays at triangles.
+fn covered_at(triangles: &[[[f32; 3]; 3]]) -> f64 {
+    let corners = |part: &[[[f32; 3]; 3]]| part.iter().fold(Bounds::EMPTY, |all, one| all.union(&Bounds::of(one)));
+    let parts: Vec<Bounds> = triangles.par_chunks(SHARE).map(corners).collect();
+    covered(&parts.iter().fold(Bounds::EMPTY, |all, part| all.union(part)))
+}
+
+/// Boxes of triangles; empty where one has no area.
+fn boxes_of(triangles: &[[[f32; 3]; 3]]) -> Vec<Aabb> {
+    let covered = covered_at(triangles);
+    let bounds_of = |one: &[[f32; 3]; 3]| if has_area(one) { box_of(one, covered) } else { Aabb::empty() };
+    triangles.par_iter().with_min_len(SHARE).map(bounds_of).collect()
+}
+
+/// Rows of triangles that have no area.
+fn without_area(triangles: &[[[f32; 3]; 3]]) -> Vec<u32> {
+    let rows = triangles.par_iter().enumerate().with_min_len(SHARE);
+    rows.filter(|(_, one)| !has_area(one)).map(|(row, _)| row as u32).collect()
+}
+
+/// The triangles that leaves are made of.
+struct Triangles<'a>(&'a [[[f32; 3]; 3]]);
+
+impl Leaves for Triangles<'_> {
+    const MOST: usize = LANES;
+
+    fn granules(count: usize) -> usize {
+        Block::granules(count)
+    }
+
+    fn write(&self, rows: &mut [u32], place: u32, into: &mut [Granule]) -> u32 {
+        // In order of rows, so that the block does not depend on how the tree came to it.
+        rows.sort_unstable();
+        LEAF | Block::write(rows.iter().map(|&row| (row, self.0[row as usize])), place, into)
+    }
+
+    fn prefetch(&self, row: u32) {
+        prefetch::<1, _>(self.0, row as usize);
     }
 }
 
@@ -102,33 +151,56 @@ impl Blas {
     /// [`Blas::build`], in the structure asked for.
     pub fn build_as(kind: AccelKind, triangles: &[[[f32; 3]; 3]]) -> Self {
         let start = Instant::now();
-        let whole = triangles.iter().flatten().fold(Bounds::EMPTY, |all, &corner| all.union(&Bounds::of(&[corner])));
-        let covered = covered(&whole);
-        let bounds_of = |corners: &[[f32; 3]; 3]| {
-            let Bounds { lower, upper } = if has_area(corners) { blurred(corners, covered) } else { Bounds::EMPTY };
-            Aabb::new(lower.into(), upper.into())
-        };
-        let boxes: Vec<Aabb> = triangles.par_iter().map(bounds_of).collect();
+        let boxes = boxes_of(triangles);
+        let parts: Vec<Aabb> = boxes.par_chunks(SHARE).map(|part| union(part.iter().copied())).collect();
         let mut blas = Self {
             // Of all structures alike: the size of the scene is found by it.
-            bounds: boxes.iter().fold(Aabb::empty(), |all, one| all.union(one)),
-            triangles: boxes.iter().filter(|one| one.valid()).count(),
-            rows: triangles.len() as u32,
+            bounds: union(parts.into_iter()),
+            given: triangles.len(),
+            left_out: without_area(triangles),
             ..Self::default()
         };
         if let AccelKind::Bvh8(quality) = kind {
-            blas.tree = Bvh8::build(&boxes, quality, LANES, |rows, arena| {
-                // In order of rows, so that the block does not depend on how the tree came to it.
-                rows.sort_unstable();
-                let own: Vec<_> = rows.iter().map(|&row| (row, triangles[row as usize])).collect();
-                LEAF | Block::store(&own, arena)
-            });
+            blas.tree = Bvh8::build(&boxes, quality, &Triangles(triangles));
         } else {
             drop(boxes);
             blas.other = Other::build(kind, triangles);
         }
         blas.build_time = start.elapsed();
         blas
+    }
+
+    /// Puts the same tree around triangles that have moved, several times as fast as building another, and says whether
+    /// that was done. Afterwards the hits are those of a tree built for them; but if neighbours have parted, boxes overlap
+    /// and rays take longer, of which [`Blas::cost`] tells.
+    ///
+    /// It is not done, and nothing is changed, if there is another number of triangles, if some have lost or gained their
+    /// area, or if they are in another structure than the eight-wide tree.
+    ///
+    /// A top level over meshes that were refitted is built anew: [`super::Accel::build`] looks into their trees.
+    pub fn refit(&mut self, triangles: &[[[f32; 3]; 3]]) -> bool {
+        if self.other.is_some() || triangles.len() != self.given || without_area(triangles) != self.left_out {
+            return false;
+        }
+        let covered = covered_at(triangles);
+        self.bounds = self.tree.refit(&|leaf: &mut [Granule], kind| {
+            let (mut rows, mut count) = ([0; LANES], 0);
+            for row in Block::at(leaf, kind).marked_rows() {
+                prefetch::<1, _>(triangles, (row & ROW) as usize);
+                (rows[count], count) = (row, count + 1);
+            }
+            let own = rows[..count].iter().map(|&row| (row, triangles[(row & ROW) as usize]));
+            Block::write(own.clone(), 0, &mut leaf[..Block::granules(count)]);
+            union(own.map(|(_, corners)| box_of(&corners, covered)))
+        });
+        true
+    }
+
+    /// Steps that a ray through the box around the mesh is expected to take, of nodes and leaves, if nothing stops it: the
+    /// surface area heuristic. Zero if the triangles are in another structure than the eight-wide tree.
+    pub fn cost(&self) -> f32 {
+        let area = self.bounds.half_area();
+        if self.tree.root.is_some() && area > 0.0 { self.tree.cost / area } else { 0.0 }
     }
 
     /// Bytes held.
@@ -138,7 +210,7 @@ impl Blas {
 
     /// Triangles held in leaves or cells; more than there are where space is divided and not the objects.
     pub fn references(&self) -> usize {
-        self.other.as_ref().map_or(self.triangles, Other::references)
+        self.other.as_ref().map_or(self.given - self.left_out.len(), Other::references)
     }
 
     /// Time that building took. Meshes are built at the same time, so the times of several may overlap.
@@ -160,15 +232,14 @@ impl Blas {
     /// Says what is known of each triangle's opacity, by its row; without it all are solid.
     pub fn set_opacity(&mut self, of: impl Fn(u32) -> Opacity) {
         let mut asks = false;
-        let leaves: Vec<u32> = self.leaf_references().collect();
-        for leaf in leaves {
+        for leaf in self.leaf_references().collect::<Vec<_>>() {
             Block::mark(self.tree.arena.granules_mut(), leaf, |row| {
                 let opacity = of(row);
                 asks |= opacity != Opacity::Solid;
                 opacity
             });
         }
-        self.asks = asks || self.other.is_some() && (0..self.rows).any(|row| of(row) != Opacity::Solid);
+        self.asks = asks || self.other.is_some() && (0..self.given as u32).any(|row| of(row) != Opacity::Solid);
     }
 
     /// References of the leaves of the eight-wide tree, without what makes them leaves.

@@ -15,11 +15,13 @@
 //! that pictures do not depend on the structure by a single bit.
 
 mod arena;
+mod binary;
 mod brute;
 mod bsp;
 mod bvh2;
 mod bvh8;
 mod closed;
+mod collapse;
 #[cfg(test)]
 mod family;
 mod grid;
@@ -33,6 +35,7 @@ mod open;
 mod packet;
 mod polytope;
 mod queue;
+mod refit;
 pub mod slab;
 pub mod slanted;
 mod space;

@@ -210,9 +210,6 @@ pub trait Leaf: Sized {
     /// The one that stands at a place.
     fn at(arena: &[Granule], place: u32) -> &Self;
 
-    /// Adds it to an arena and returns its place.
-    fn store(&self, arena: &mut Vec<Granule>) -> u32;
-
     /// Row of a lane's triangle; of a lane without any, [`NO_ROW`].
     fn row(&self, lane: usize) -> u32 {
         self.marked_row(lane) & ROW
@@ -395,12 +392,6 @@ macro_rules! leaf {
                 bytemuck::cast_ref(granules)
             }
 
-            fn store(&self, arena: &mut Vec<Granule>) -> u32 {
-                let place = arena.len() as u32;
-                arena.extend(self.0);
-                place
-            }
-
             #[inline(always)]
             fn marked_row(&self, lane: usize) -> u32 {
                 bytemuck::cast_slice::<_, u32>(&self.0)[9 * $lanes + lane % $lanes]
@@ -504,6 +495,19 @@ impl<'a> Block<'a> {
         }
     }
 
+    /// Rows of the triangles in it, with what is known of their opacity.
+    pub fn marked_rows(self) -> impl Iterator<Item = u32> {
+        let most = match self {
+            Self::Eight(_) => TriangleBlock::MOST,
+            Self::Four(_) => TriangleQuad::MOST,
+        };
+        let row = move |lane| match self {
+            Self::Eight(block) => block.marked_row(lane),
+            Self::Four(block) => block.marked_row(lane),
+        };
+        (0..most).map(row).take_while(|&row| row & ROW != NO_ROW)
+    }
+
     /// The triangles in it, with their rows and what is known of their opacity.
     pub fn triangles(&self) -> Vec<(u32, [[f32; 3]; 3])> {
         fn of<L: Leaf>(block: &L) -> Vec<(u32, [[f32; 3]; 3])> {
@@ -540,13 +544,23 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Adds a leaf of at most eight triangles to an arena and returns its reference.
-    pub fn store(triangles: &[(u32, [[f32; 3]; 3])], arena: &mut Vec<Granule>) -> u32 {
-        let all = triangles.iter().copied();
+    /// Granules of a leaf of so many triangles, at most eight.
+    pub fn granules(triangles: usize) -> usize {
+        if triangles > TriangleQuad::MOST { BLOCK } else { BLOCK / 2 }
+    }
+
+    /// Writes a leaf of at most eight triangles that stands at a place, and returns its reference.
+    pub fn write(
+        triangles: impl ExactSizeIterator<Item = (u32, [[f32; 3]; 3])>,
+        place: u32,
+        into: &mut [Granule],
+    ) -> u32 {
         if triangles.len() > TriangleQuad::MOST {
-            TriangleBlock::new(all).store(arena)
+            into.copy_from_slice(&TriangleBlock::new(triangles).0);
+            place
         } else {
-            TriangleQuad::new(all).store(arena) | QUAD
+            into.copy_from_slice(&TriangleQuad::new(triangles).0);
+            place | QUAD
         }
     }
 }

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::{
     Blas, Coverage, Rays,
-    bvh8::{Bvh8, INSTANCE, Quality, Stack},
+    bvh8::{Bvh8, Quality, Stack},
+    collapse::Instances,
     merge::Merged,
     mesh::Other,
     opacity::Opacity,
@@ -122,7 +123,7 @@ impl Accel {
         boxes.extend(together.iter().map(|one| one.blas.bounds));
         let instances: Vec<InstanceRef> = instances.into_iter().chain(together).collect();
         let (parts, boxes) = open(&instances, &merged, boxes, all.half_area());
-        let tree = Bvh8::build(&boxes, Quality::Fast, 1, |rows, _| INSTANCE | rows[0]);
+        let tree = Bvh8::build(&boxes, Quality::Fast, &Instances);
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;

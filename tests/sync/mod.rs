@@ -126,20 +126,22 @@ fn a_material_that_begins_to_emit_rebuilds_the_lights() {
 #[test]
 fn a_surface_that_gets_a_back_or_becomes_a_veil_is_told_to_the_trees() {
     let all = ["textures", "materials", "opacity", "instances"];
-    check_edit(|s| s.scene.insert(s.paint, Material { double_sided: true, ..Material::default() }), &all);
+    let paint = |s: &mut Stage, material: Material| assert!(s.scene.insert(s.paint, material));
+    let solid = Material { double_sided: true, ..Material::default() };
+    check_edit(|s| paint(s, solid.clone()), &all);
     let veil = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.5, ..Material::default() };
-    check_edit(|s| s.scene.insert(s.paint, veil.clone()), &all);
+    check_edit(|s| paint(s, veil.clone()), &all);
     // And back, and with another entity that shows the same mesh otherwise.
     check_edit(
         |s| {
             let mesh = s.scene.get::<Geometry>(s.object).unwrap();
-            s.scene.insert(s.paint, veil.clone());
+            paint(s, veil.clone());
             s.renderer.sync(&mut s.scene);
-            s.scene.insert(s.paint, Material { double_sided: true, ..Material::default() });
+            paint(s, solid.clone());
             s.renderer.sync(&mut s.scene);
-            let solid = s.scene.spawn((Material::default(),));
+            let backless = s.scene.spawn((Material::default(),));
             let place = LocalTransform::from_translation(DVec3::X);
-            s.scene.spawn((mesh, MaterialSlots::from(solid), place));
+            s.scene.spawn((mesh, MaterialSlots::from(backless), place));
         },
         &["textures", "materials", "geometry", "instances"],
     );

@@ -6,7 +6,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde_json::{Value, json};
 
 use super::{
-    Args,
+    Args, builds,
     contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
     draw, growth, plot,
     rays::{Batch, Corners, batches},
@@ -40,10 +40,15 @@ const RUNS: u32 = 5;
 /// As above, where ratios with other programs are to be trusted.
 const RUNS_WITH_PEERS: u32 = 9;
 
+/// Times each figure is taken.
+pub fn runs(args: &Args, with_peers: bool) -> u32 {
+    args.runs.unwrap_or(if with_peers { RUNS_WITH_PEERS } else { RUNS })
+}
+
 impl Settings {
     fn new(args: &Args) -> Result<Self, CliError> {
         let (peers, peers_are) = peers(args)?;
-        let runs = args.runs.unwrap_or(if peers_are.is_some() { RUNS_WITH_PEERS } else { RUNS });
+        let runs = runs(args, peers_are.is_some());
         let scaling = if args.scaling.is_empty() { vec![1] } else { args.scaling.iter().map(|n| n.get()).collect() };
         Ok(Self { chosen: chosen(&args.accel)?, peers, peers_are, runs, rays: args.rays, scaling })
     }
@@ -64,10 +69,13 @@ fn peers(_: &Args) -> Result<(Peers, Option<String>), CliError> {
 
 /// Measures each scene and reports; or draws.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
-    let settings = Settings::new(args)?;
     for folder in args.output.iter().chain(&args.draw) {
         fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
     }
+    if args.builds {
+        return builds::run(args, console);
+    }
+    let settings = Settings::new(args)?;
     if let Some(folder) = &args.draw {
         return draw::run(folder, args, &settings, console);
     }

@@ -2,6 +2,7 @@
 
 mod accel;
 mod boxes;
+mod builds;
 mod contender;
 mod draw;
 #[cfg(feature = "embree")]
@@ -93,6 +94,10 @@ pub struct Args {
     /// With --growth: a structure stops before a build that would take longer
     #[arg(long, value_name = "SECONDS", default_value_t = 120.0, requires = "growth")]
     build_limit: f64,
+    /// accel: measure how long trees take to build, to be refitted around moved triangles, and to be put over 10,000
+    /// instances, and nothing else
+    #[arg(long, conflicts_with_all = ["draw", "growth", "accel", "scaling"])]
+    builds: bool,
     /// Draw the cells or boxes of each structure, cut by a plane, into this folder, and measure nothing
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth"])]
     draw: Option<PathBuf>,

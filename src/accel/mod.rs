@@ -13,6 +13,8 @@
 //! planes of any direction. [`Brute`] does neither, and is the truth for all others:
 //! they find candidates, but whether one is hit is decided by [`intersect`] alone, so
 //! that pictures do not depend on the structure by a single bit.
+//!
+//! A surface given by a formula ([`Shape`](crate::world::Shape)) is a [`Blas`] of its own, and the same in every structure.
 
 mod arena;
 mod brute;
@@ -31,6 +33,7 @@ mod octree;
 mod open;
 mod polytope;
 mod queue;
+mod shape;
 pub mod slab;
 pub mod slanted;
 mod space;
@@ -51,6 +54,7 @@ pub use self::{
     obb::Obb,
     octree::Octree,
     queue::{RayList, Rays, Segment},
+    shape::ShapeHit,
     structure::{Cell, Counters, Nearest, Shape, Structure, Work},
     triangle::{Leaf, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},

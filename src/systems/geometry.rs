@@ -1,4 +1,4 @@
-//! Meshes to flat meshes, each with its tree; cached by identity.
+//! Meshes to flat meshes, each with its tree; cached by identity. Shapes become flat meshes without triangles.
 
 use std::{
     collections::HashMap,
@@ -11,20 +11,69 @@ use rayon::prelude::*;
 use crate::{
     accel::{AccelKind, Blas},
     flat::FlatMesh,
-    world::TriMesh,
+    world::{Shape, TriMesh},
 };
 
 /// Flat meshes by the identity of their source, which the cache keeps alive so that no other can take its place.
 #[derive(Default)]
 pub struct MeshCache {
-    meshes: HashMap<usize, (Arc<TriMesh>, Arc<FlatMesh>)>,
+    meshes: HashMap<FormId, (Form, Arc<FlatMesh>)>,
     /// What the meshes are in.
     accel: AccelKind,
 }
 
-/// The identity of a mesh: its address, only ever compared.
-pub fn id(mesh: &Arc<TriMesh>) -> usize {
-    Arc::as_ptr(mesh) as usize
+/// What an entity shows.
+#[derive(Clone, Debug)]
+pub enum Form {
+    /// Triangles.
+    Mesh(Arc<TriMesh>),
+    /// A formula.
+    Shape(Shape),
+}
+
+/// Which form it is: equal for those that share a flat mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FormId {
+    /// By its address, only ever compared.
+    Mesh(usize),
+    /// By its kind and the bits of its sizes.
+    Shape([u32; 3]),
+}
+
+impl Form {
+    /// Its identity.
+    pub fn id(&self) -> FormId {
+        match self {
+            Self::Mesh(mesh) => FormId::Mesh(Arc::as_ptr(mesh) as usize),
+            Self::Shape(shape) => FormId::Shape(match *shape {
+                Shape::Plane => [0; 3],
+                Shape::Sphere { radius } => [1, radius.to_bits(), 0],
+                Shape::Disc { radius } => [2, radius.to_bits(), 0],
+                Shape::Cylinder { radius, half_height } => [3, radius.to_bits(), half_height.to_bits()],
+            }),
+        }
+    }
+
+    /// Says what is wrong with it, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Mesh(mesh) => mesh.check(),
+            Self::Shape(shape) => shape.check(),
+        }
+    }
+
+    /// Material slots that it uses: one more than the largest.
+    pub fn slot_count(&self) -> u32 {
+        match self {
+            Self::Mesh(mesh) => mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1),
+            Self::Shape(_) => 1,
+        }
+    }
+
+    /// It has vertex colours.
+    pub fn is_colored(&self) -> bool {
+        matches!(self, Self::Mesh(mesh) if !mesh.colors.is_empty())
+    }
 }
 
 impl MeshCache {
@@ -32,10 +81,10 @@ impl MeshCache {
     /// and the time that this took. Meshes not asked for are forgotten.
     ///
     /// Nobody else should hold flat meshes of an earlier call: those that do are left with copies.
-    pub fn sync(&mut self, sources: &[Arc<TriMesh>], accel: AccelKind) -> (Vec<Arc<FlatMesh>>, usize, Duration) {
+    pub fn sync(&mut self, sources: &[Form], accel: AccelKind) -> (Vec<Arc<FlatMesh>>, usize, Duration) {
         let restructured = std::mem::replace(&mut self.accel, accel) != accel;
         let mut old = std::mem::take(&mut self.meshes);
-        let kept: Vec<_> = sources.iter().map(|source| old.remove(&id(source))).collect();
+        let kept: Vec<_> = sources.iter().map(|source| old.remove(&source.id())).collect();
         let wanting: Vec<bool> = kept.iter().map(|entry| restructured || entry.is_none()).collect();
         let mut meshes: Vec<Arc<FlatMesh>> = kept
             .into_par_iter()
@@ -51,21 +100,29 @@ impl MeshCache {
         self.meshes = sources
             .iter()
             .zip(&meshes)
-            .map(|(source, mesh)| (id(source), (Arc::clone(source), Arc::clone(mesh))))
+            .map(|(source, mesh)| (source.id(), (source.clone(), Arc::clone(mesh))))
             .collect();
         (meshes, wanting.into_iter().filter(|wanting| *wanting).count(), time)
     }
 }
 
 fn blas_of(mesh: &FlatMesh, accel: AccelKind) -> Blas {
+    if let Some(shape) = mesh.shape {
+        return Blas::of_shape(shape);
+    }
     let corners: Vec<[[f32; 3]; 3]> = (0..mesh.triangles.len() as u32).map(|row| mesh.corners(row)).collect();
     Blas::build_as(accel, &corners)
 }
 
 /// All but the tree.
-fn flatten(mesh: &TriMesh) -> FlatMesh {
+fn flatten(form: &Form) -> FlatMesh {
+    let mesh = match form {
+        Form::Mesh(mesh) => mesh,
+        Form::Shape(shape) => return FlatMesh { shape: Some(*shape), slot_count: 1, ..FlatMesh::default() },
+    };
     FlatMesh {
         blas: Arc::default(),
+        shape: None,
         positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
         triangles: mesh.triangles.clone(),
         normals: mesh.normals.iter().map(|n| n.to_array()).collect(),
@@ -73,6 +130,6 @@ fn flatten(mesh: &TriMesh) -> FlatMesh {
         uvs: mesh.uvs.iter().map(|set| set.iter().map(|uv| uv.to_array()).collect()).collect(),
         colors: mesh.colors.iter().map(|c| c.to_array()).collect(),
         slots: mesh.slots.clone(),
-        slot_count: mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1),
+        slot_count: form.slot_count(),
     }
 }

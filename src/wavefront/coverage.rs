@@ -26,7 +26,7 @@ impl<'a> SceneCoverage<'a> {
     fn alpha(&self, material: usize, hit: &Hit) -> f32 {
         let materials = &self.scene.materials;
         let mesh = &self.scene.meshes[self.scene.instances.mesh[hit.instance as usize] as usize];
-        let triangle = mesh.triangles[hit.triangle as usize];
+        let triangle = mesh.vertices(hit.triangle);
         let b0 = 1.0 - hit.b1 - hit.b2;
         let mut alpha = materials.base_alpha[material];
         if !mesh.colors.is_empty() {

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     /// xorshift: enough to scatter test triangles.
-    fn numbers(mut state: u64) -> impl FnMut() -> f32 {
+    pub(super) fn numbers(mut state: u64) -> impl FnMut() -> f32 {
         move || {
             state ^= state << 13;
             state ^= state >> 7;
@@ -199,7 +199,7 @@ mod tests {
 
     /// A wave finds, ray by ray and bit for bit, what each ray finds alone.
     #[track_caller]
-    fn check_wave<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) {
+    pub(super) fn check_wave<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) {
         let mut stacks = Stacks::default();
         let mut got = vec![None; wave.count()];
         accel.nearest_of(wave, coverage, |index, hit| assert!(got[index].replace(*hit).is_none(), "twice"));
@@ -218,7 +218,7 @@ mod tests {
     }
 
     /// Rays that start among and outside of points in [0, 5]³, some of them axis-parallel, some short.
-    fn wave(count: usize, seed: u64) -> Wave {
+    pub(super) fn wave(count: usize, seed: u64) -> Wave {
         let mut u = numbers(seed);
         let mut point = |spread: f32| [u() * spread, u() * spread, u() * spread];
         let rays = (0..count).map(|i| {

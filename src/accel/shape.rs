@@ -274,23 +274,24 @@ mod tests {
         units as i128
     }
 
-    /// Rays from near and far, most of them past the silhouette of a circle of this radius as near as rounding aims.
-    fn rays(count: usize, radius: f32, seed: u64) -> impl Iterator<Item = Ray> {
+    /// Rays from near and far, most of them past the silhouette of a ball, or of a tube, as near as rounding aims.
+    fn rays(count: usize, radius: f32, tube: bool, seed: u64) -> impl Iterator<Item = Ray> {
         let mut u = numbers(seed);
-        let radius_squared = f64::from(radius) * f64::from(radius);
-        let mut point = move || -> DVec3 { DVec3::from_array([0; 3].map(|_| f64::from(2.0 * u() - 1.0))) };
+        let radius = f64::from(radius);
+        let mut point = move || DVec3::from_array([0; 3].map(|_| f64::from(2.0 * u() - 1.0)));
         (0..count).map(move |i| {
-            let distance = f64::from(radius) * [0.7, 1.5, 8.0, 100.0][i % 4];
-            let origin = distance * point();
+            let origin = radius * [0.7, 1.5, 8.0, 100.0][i % 4] * point();
             // Towards the edge of what is seen from there, a little inside or outside.
-            let tangent = radius_squared / (origin.length_squared() - radius_squared).abs().sqrt() * origin.length();
-            let aside = point().cross(origin).normalize_or(DVec3::X) * tangent / f64::from(radius);
-            let target =
-                aside * [1.0, 1.0 - 1e-6, 1.0 + 1e-6, 0.9, 0.3][i % 5] + 0.01 * point() * f64::from(i as u32 % 2);
-            let (most, grid) = (100.0_f64, UNIT);
-            let round = |v: DVec3| v.to_array().map(|x| ((x * grid).round() / grid).clamp(-most, most) as f32);
-            let direction = round((target - origin).normalize() * 15.0);
-            Ray::new(round(origin), direction)
+            let from = if tube { origin.with_y(0.0) } else { origin };
+            let sideways =
+                if tube { DVec3::Y * point().x.signum() } else { point() }.cross(from).normalize_or(DVec3::X);
+            let distance = from.length();
+            let edge = radius * distance / (distance * distance - radius * radius).abs().sqrt();
+            let share = [1.0, 1.0 - 1e-6, 1.0 + 1e-6, 0.9, 0.3][i % 5];
+            let target = share * edge * sideways + 0.01 * point() * (i % 2) as f64;
+            let target = if tube { target + radius * point() * DVec3::Y } else { target };
+            let round = |v: DVec3| v.to_array().map(|x| ((x * UNIT).round() / UNIT).clamp(-100.0, 100.0) as f32);
+            Ray::new(round(origin), round((target - origin).normalize() * 15.0))
         })
     }
 
@@ -370,14 +371,14 @@ mod tests {
     #[test]
     fn spheres_are_met_where_whole_numbers_say() {
         for (seed, radius) in [(1, 1.0), (2, 0.25)] {
-            check_round(Shape::Sphere { radius }, radius, rays(500_000, radius, seed));
+            check_round(Shape::Sphere { radius }, radius, rays(500_000, radius, false, seed));
         }
     }
 
     #[test]
     fn cylinders_are_met_where_whole_numbers_say() {
         for (seed, radius, half_height) in [(3, 1.0, 0.75), (4, 0.25, 4.0)] {
-            check_round(Shape::Cylinder { radius, half_height }, radius, rays(500_000, radius, seed));
+            check_round(Shape::Cylinder { radius, half_height }, radius, rays(500_000, radius, true, seed));
         }
     }
 
@@ -386,7 +387,7 @@ mod tests {
     fn discs_and_planes_are_met_where_whole_numbers_say() {
         let radius = 1.0;
         let (mut hits, mut misses) = (0, 0);
-        for (i, ray) in rays(1_000_000, radius, 5).enumerate() {
+        for (i, ray) in rays(1_000_000, radius, false, 5).enumerate() {
             let shape = if i % 8 == 0 { Shape::Plane } else { Shape::Disc { radius } };
             let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin.map(whole), ray.direction.map(whole));
             let (x, z) = (ox * dy - oy * dx, oz * dy - oy * dz);

@@ -70,6 +70,8 @@ pub fn varied() -> Scene {
     let mirrored = place(DVec3::new(-0.5, 0.3, 0.7), DVec3::new(-0.6, 2.4, 0.8));
     show_shape(&mut scene, Shape::Sphere { radius: 0.5 }, glow, mirrored);
     show_shape(&mut scene, Shape::Disc { radius: 0.4 }, lamp(9.0), moved(-2.0, 0.2, 1.4));
+    let veil = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.4, double_sided: true, ..paint([0.9, 0.9, 0.4]) };
+    show_shape(&mut scene, Shape::Sphere { radius: 0.45 }, veil, moved(-2.3, 1.0, 0.6));
     let ring = Shape::Cylinder { radius: 0.15, half_height: 0.3 };
     show_shape(&mut scene, ring, lamp(6.0), place(DVec3::new(1.0, 1.6, 1.0), DVec3::new(1.8, 1.5, 0.2)));
     show(&mut scene, TriMesh::cuboid(Vec3::new(0.4, 0.0, -1.2), Vec3::new(1.4, 1.0, -0.4)), paint([0.8, 0.1, 0.1]));
@@ -349,6 +351,30 @@ fn shapes_shine_as_their_fine_meshes_do() {
                 assert!((a[channel] / b[channel] - 1.0).abs() < 5e-3, "{shape:?} {place:?}: {a:?} {b:?}");
             }
         }
+    }
+}
+
+/// Of a white sphere of coverage a, black behind, in a white furnace: a ray past the middle or by the rim meets front and
+/// back each with probability a, though both be on one face of it. What is met reflects all that it sees, so that with
+/// black paint the pixel shows (1 − a)² of the sky.
+#[test]
+fn front_and_back_of_a_shape_are_there_independently() {
+    for (alpha, aside) in [(0.5, 0.0), (0.5, 0.98), (0.25, 0.98)] {
+        let mut scene = Scene::new();
+        let veil = Material {
+            alpha_mode: AlphaMode::Blend,
+            base_alpha: alpha,
+            double_sided: true,
+            ..Material::lambert(Vec3::ZERO)
+        };
+        show_shape(&mut scene, Shape::Sphere { radius: 1.0 }, veil, DAffine3::IDENTITY);
+        scene.spawn((Environment::constant(Vec3::ONE),));
+        look(&mut scene, DVec3::new(aside, 0.0, 50.0), DVec3::new(aside, 0.0, 0.0), 0.01);
+        let got = mean(&picture(&mut scene, &quick(16, 1024)))[0];
+        let want = f64::from(1.0 - alpha).powi(2);
+        // Five standard deviations of so many tosses.
+        let deviation = (want * (1.0 - want) / (16.0 * 16.0 * 1024.0)).sqrt();
+        assert!((got - want).abs() < 5.0 * deviation, "{alpha} {aside}: {got}, want {want}");
     }
 }
 

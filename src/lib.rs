@@ -126,6 +126,8 @@
 //! - A wave is topped up with camera rays as its paths end, so that blocks stay full. Sums are exact,
 //!   so that changes no bit.
 //! - Scenes that need them have four stages more than the drawing: those listed above.
+//! - Surfaces given by a formula, [`world::Shape`], are built in code alone: glTF has no ratified extension for them.
+//!   Those that emit are sampled by area.
 //! - There are no scalar copies of kernels: a kernel is generic over one lane or eight.
 //! - That stages do not allocate once warm holds by design; no test counts allocations yet.
 //! - Edits are made to the world directly; an `Edit` type, scripts, animation and checkpoints are not there yet.

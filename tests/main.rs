@@ -11,6 +11,7 @@ mod gltf;
 mod layering;
 mod reciprocity;
 mod scenes;
+mod shapes;
 mod skipping;
 mod sync;
 mod twin;

@@ -21,7 +21,7 @@ use wide::{f32x8, u32x8};
 
 use super::{
     arena::{Arena, Granule},
-    bvh8::{INSTANCE, NODE},
+    bvh8::NODE,
     triangle::{Leaf, QUAD, TriangleQuad},
 };
 use crate::simd::{LANES, prefetch};
@@ -42,10 +42,10 @@ pub(super) trait Leaves: Sync {
     fn prefetch(&self, _row: u32) {}
 }
 
-/// References to instances: leaves without memory.
-pub(super) struct Instances;
+/// Leaves without memory: what rows are referred to by, as the given function says.
+pub(super) struct References<F>(pub F);
 
-impl Leaves for Instances {
+impl<F: Fn(u32) -> u32 + Sync> Leaves for References<F> {
     const MOST: usize = 1;
 
     fn granules(_: usize) -> usize {
@@ -53,7 +53,7 @@ impl Leaves for Instances {
     }
 
     fn write(&self, rows: &mut [u32], _: u32, _: &mut [Granule]) -> u32 {
-        INSTANCE | rows[0]
+        self.0(rows[0])
     }
 }
 

@@ -15,10 +15,14 @@ use super::{
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
     collapse::Leaves,
     opacity::{Opacity, ROW},
+    shape::Formula,
     space::{Bounds, blurred, covered},
     triangle::{Block, has_area},
 };
-use crate::simd::{LANES, prefetch};
+use crate::{
+    simd::{LANES, prefetch},
+    world,
+};
 
 /// The structure that triangles are put into. All give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,12 +68,12 @@ impl AccelKind {
     }
 }
 
-/// Rays against the triangles of one mesh, in its local space.
+/// Rays against the triangles of one mesh, or against a surface given by a formula, in its local space.
 #[derive(Clone, Debug)]
 pub struct Blas {
     /// The eight-wide tree; without nodes if the triangles are in another structure.
     pub(super) tree: Bvh8,
-    /// The other structure, in its place.
+    /// The other structure, or the formula, in its place.
     pub(super) other: Option<Other>,
     pub(super) bounds: Aabb,
     /// Triangles given, and rows of those among them that are left out for having no area.
@@ -203,6 +207,21 @@ impl Blas {
         if self.tree.root.is_some() && area > 0.0 { self.tree.cost / area } else { 0.0 }
     }
 
+    /// Of a surface given by a formula; there is nothing to build.
+    pub fn of_shape(shape: world::Shape) -> Self {
+        Self { other: Some(Other::Shape(Formula(shape))), bounds: shape.bounds(), given: 1, ..Self::default() }
+    }
+
+    /// It is given by a formula.
+    pub(super) fn is_shape(&self) -> bool {
+        matches!(self.other, Some(Other::Shape(_)))
+    }
+
+    /// It goes on for ever, and is in no box.
+    pub(super) fn is_unbounded(&self) -> bool {
+        matches!(self.other, Some(Other::Shape(Formula(world::Shape::Plane))))
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.tree.bytes() + self.other.as_ref().map_or(0, Other::bytes)
@@ -219,9 +238,9 @@ impl Blas {
     }
 
     /// The part of [`Blas::build_time`] in which boxes were paired, before the pairs were collapsed to eight boxes to a
-    /// node; `None` if this is not an eight-wide tree.
+    /// node; `None` if the triangles are in another structure.
     pub fn binary_time(&self) -> Option<Duration> {
-        self.other.is_none().then_some(self.tree.binary_time)
+        (self.other.is_none() || self.is_shape()).then_some(self.tree.binary_time)
     }
 
     /// Lowest and highest corner; lowest above highest if there is no triangle.
@@ -345,7 +364,7 @@ impl Structure for Blas {
     }
 }
 
-/// A structure other than the eight-wide tree.
+/// What is not an eight-wide tree: another structure, or a surface that needs none.
 #[derive(Clone, Debug)]
 pub(super) enum Other {
     Bvh2(Bvh2),
@@ -354,6 +373,7 @@ pub(super) enum Other {
     Bsp(Bsp),
     Grid(Grid),
     Brute(Brute),
+    Shape(Formula),
 }
 
 /// Does the same with whichever structure it is.
@@ -366,6 +386,7 @@ macro_rules! whichever {
             Other::Bsp($structure) => $what,
             Other::Grid($structure) => $what,
             Other::Brute($structure) => $what,
+            Other::Shape($structure) => $what,
         }
     };
 }

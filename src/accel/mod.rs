@@ -13,6 +13,8 @@
 //! planes of any direction. [`Brute`] does neither, and is the truth for all others:
 //! they find candidates, but whether one is hit is decided by [`intersect`] alone, so
 //! that pictures do not depend on the structure by a single bit.
+//!
+//! A surface given by a formula ([`Shape`](crate::world::Shape)) is a [`Blas`] of its own, and the same in every structure.
 
 mod arena;
 mod binary;
@@ -36,6 +38,7 @@ mod packet;
 mod polytope;
 mod queue;
 mod refit;
+mod shape;
 pub mod slab;
 pub mod slanted;
 mod space;
@@ -57,6 +60,7 @@ pub use self::{
     octree::Octree,
     opacity::Opacity,
     queue::{RayList, Rays, Segment, SideBySide},
+    shape::ShapeHit,
     structure::{Cell, Counters, Nearest, Shape, Structure, Work},
     triangle::{Leaf, NO_ROW, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
@@ -223,7 +227,7 @@ mod tests {
 
     /// A wave finds, ray by ray and bit for bit, what each ray finds alone.
     #[track_caller]
-    fn check_wave<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) {
+    pub(super) fn check_wave<C: Coverage>(accel: &Accel, wave: &Wave, coverage: &C) {
         let mut stacks = Stacks::default();
         let mut got = vec![None; wave.count()];
         accel.nearest_of(wave, coverage, |index, hit| assert!(got[index].replace(*hit).is_none(), "twice"));
@@ -242,7 +246,7 @@ mod tests {
     }
 
     /// Rays that start among and outside of points in [0, 5]³, some of them axis-parallel, some short.
-    fn wave(count: usize, seed: u64) -> Wave {
+    pub(super) fn wave(count: usize, seed: u64) -> Wave {
         let mut u = numbers(seed);
         let mut point = |spread: f32| [u() * spread, u() * spread, u() * spread];
         let rays = (0..count).map(|i| {

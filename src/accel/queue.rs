@@ -18,9 +18,12 @@ use super::{
     opacity::Opacity,
     structure::Counters,
     triangle::{Leaf, QUAD, Ray, TriangleBlock, TriangleQuad},
-    two_level::{Accel, Hit, NO_HIT, hit_of, is_there, to_local},
+    two_level::{Accel, Hit, NO_HIT, SHAPE, hit_of, is_there, to_local},
 };
-use crate::simd::{LANES, prefetch};
+use crate::{
+    flat::NONE,
+    simd::{LANES, prefetch},
+};
 
 /// Rays in flight: fewer leave memory idle, more gain nothing and crowd the first-level cache.
 const IN_FLIGHT: usize = 32;
@@ -176,8 +179,8 @@ thread_local! {
     static STACKS: Cell<Vec<Stack>> = const { Cell::new(Vec::new()) };
 }
 
-/// Slots in need of each kind of step, a bit for each slot: nodes, leaves, instances, rays that leave a mesh or are done, by
-/// the upper three bits of a reference; and rays whose next subtree lies beyond what they have hit.
+/// Slots in need of each kind of step, a bit for each slot: nodes, leaves, instances, shapes, rays that leave a mesh or are
+/// done, by the upper three bits of a reference; and rays whose next subtree lies beyond what they have hit.
 ///
 /// Bits, because the next slot is then known without a look at memory that a step before it may have written.
 struct Queues {
@@ -339,7 +342,7 @@ impl<'a> Slot<'a> {
     }
 
     #[inline(always)]
-    fn begin(&mut self, accel: &'a Accel, index: usize, rays: &impl Rays) {
+    fn begin<const ANY: bool, C: Coverage>(&mut self, accel: &'a Accel, index: usize, rays: &impl Rays, coverage: &C) {
         let (origin, direction, t_max) = rays.ray(index);
         self.index = index as u32;
         self.id = rays.id(index);
@@ -349,12 +352,39 @@ impl<'a> Slot<'a> {
         self.top = 0;
         self.arena = accel.tree.arena.granules();
         self.current = accel.tree.root.unwrap_or(DONE);
-        if accel.parts.len() == 1 && self.current != DONE {
+        if !accel.unbounded.is_empty() {
+            let (t_max, best) = (&mut self.t_max, &mut self.best[1]);
+            accel.meet_unbounded(&self.ray, t_max, best, self.id, coverage);
+            self.shorten(self.t_max);
+            if ANY && self.best[1].instance != NONE {
+                self.current = DONE;
+                return;
+            }
+        }
+        if accel.alone && self.current != DONE {
             // There is nothing to come back to.
             self.go_into(accel);
         } else {
             self.world = self.ray;
         }
+    }
+
+    /// Tests a shape.
+    #[inline(always)]
+    fn meet<const ANY: bool, C: Coverage>(&mut self, accel: &'a Accel, coverage: &C) -> usize {
+        let part = accel.parts[(self.current & !SHAPE) as usize];
+        // Of equally near hits the names outside decide.
+        let (mut t_max, mut best) = (self.t_max, accel.merged.named(self.best[1]));
+        accel.meet_shape(part.instance, &self.ray, &mut t_max, &mut best, self.id, coverage);
+        if best.instance == part.instance {
+            self.best[1] = best;
+            self.shorten(t_max);
+            if ANY {
+                self.current = DONE;
+                return (DONE >> 29) as usize;
+            }
+        }
+        self.pop::<ANY>()
     }
 
     /// Goes into a part of an instance, and comes back.
@@ -477,7 +507,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
     let mut next = 0;
     for (row, slot) in slots.iter_mut().enumerate() {
         if next < count {
-            slot.begin(accel, next, rays);
+            slot.begin::<ANY, C>(accel, next, rays, coverage);
             queues.of[(slot.current >> 29) as usize] |= 1 << row;
             next += 1;
         }
@@ -515,6 +545,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
             slot.enter(accel);
             (slot.current >> 29) as usize
         });
+        drain!((SHAPE >> 29) as usize, |slot| slot.meet::<ANY, C>(accel, coverage));
         drain!(7, |slot| {
             if slot.current == LEAVE {
                 slot.leave::<ANY>(accel)
@@ -525,7 +556,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
                     under_way -= 1;
                     continue;
                 }
-                slot.begin(accel, next, rays);
+                slot.begin::<ANY, C>(accel, next, rays, coverage);
                 next += 1;
                 (slot.current >> 29) as usize
             }

@@ -7,15 +7,15 @@ use rayon::prelude::*;
 
 use super::{
     Blas, Coverage, Rays,
-    bvh8::{Bvh8, Quality, Stack},
-    collapse::Instances,
+    bvh8::{Bvh8, INSTANCE, Quality, Stack},
+    collapse::References,
     merge::Merged,
     mesh::Other,
     opacity::Opacity,
     open::{open, world_bounds},
     packet, queue,
     structure::{Counters, Nearest},
-    triangle::{Block, BlockHit, Ray, TriangleHit},
+    triangle::{Block, BlockHit, QUAD, Ray, TriangleHit},
 };
 use crate::{flat::NONE, simd::LANES};
 
@@ -87,6 +87,10 @@ pub struct Accel {
     pub(super) merged: Merged,
     /// What the top level leads to.
     pub(super) parts: Vec<Part>,
+    /// The top level leads to one part, whose tree rays go into at once.
+    pub(super) alone: bool,
+    /// Rows of instances that are in no box, and are tested before all others.
+    pub(super) unbounded: Vec<u32>,
     bounds: Option<([f32; 3], [f32; 3])>,
     /// The trees are deeper than a queue's slots, so that rays go one by one.
     pub(super) deep: bool,
@@ -123,12 +127,17 @@ impl Accel {
         boxes.extend(together.iter().map(|one| one.blas.bounds));
         let instances: Vec<InstanceRef> = instances.into_iter().chain(together).collect();
         let (parts, boxes) = open(&instances, &merged, boxes, all.half_area());
-        let tree = Bvh8::build(&boxes, Quality::Fast, &Instances);
+        let is_shape = |part: u32| instances[parts[part as usize].instance as usize].blas.is_shape();
+        let reference = |part: u32| part | if is_shape(part) { SHAPE } else { INSTANCE };
+        let tree = Bvh8::build(&boxes, Quality::Fast, &References(reference));
+        let alone = parts.len() == 1 && !is_shape(0);
+        let rows = 0..instances.len() as u32;
+        let unbounded = rows.filter(|&row| instances[row as usize].blas.is_unbounded()).collect();
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > queue::STACK;
-        let others = instances.iter().any(|one| one.blas.other.is_some());
-        Self { tree, instances, placed, merged, parts, bounds, deep, others }
+        let others = instances.iter().any(|one| one.blas.other.is_some() && !one.blas.is_shape());
+        Self { tree, instances, placed, merged, parts, alone, unbounded, bounds, deep, others }
     }
 
     /// Lowest and highest corner of everything, if there is anything.
@@ -162,8 +171,11 @@ impl Accel {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
+        if !self.unbounded.is_empty() {
+            self.meet_unbounded(&ray, &mut t_max, &mut best, ray_id, coverage);
+        }
         self.tree.walk::<true>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
-            let part = self.parts[row as usize];
+            let part = self.parts[(row & !QUAD) as usize];
             let instance = &self.instances[part.instance as usize];
             nearest_in(self, instance, part, &ray, t_max, &mut best, ray_id, coverage, mesh);
             false
@@ -238,9 +250,16 @@ impl Accel {
     ) -> bool {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
+        if !self.unbounded.is_empty() {
+            let mut best = NO_HIT;
+            self.meet_unbounded(&ray, &mut t_max, &mut best, ray_id, coverage);
+            if best != NO_HIT {
+                return true;
+            }
+        }
         let mut found = false;
         self.tree.walk::<false>(self.tree.root, &ray, &mut t_max, top, &mut (), |row, t_max| {
-            let part = self.parts[row as usize];
+            let part = self.parts[(row & !QUAD) as usize];
             let instance = &self.instances[part.instance as usize];
             found = occluded_in(self, instance, part, &ray, *t_max, ray_id, coverage, mesh);
             found
@@ -248,6 +267,42 @@ impl Accel {
         found
     }
 }
+
+impl Accel {
+    /// Tests an instance that is a shape. Kept out of line: it is no part of the walk through a tree.
+    #[inline(never)]
+    pub(super) fn meet_shape<C: Coverage>(
+        &self,
+        row: u32,
+        ray: &Ray,
+        t_max: &mut f32,
+        best: &mut Hit,
+        ray_id: u32,
+        coverage: &C,
+    ) {
+        let instance = &self.instances[row as usize];
+        let (Some(shape), part) = (&instance.blas.other, Part { instance: row, root: 0 }) else { return };
+        in_local(instance, ray, |local| nearest_in_other(shape, instance, part, local, t_max, best, ray_id, coverage));
+    }
+
+    /// [`Accel::meet_shape`] of all that are in no box.
+    #[inline(never)]
+    pub(super) fn meet_unbounded<C: Coverage>(
+        &self,
+        ray: &Ray,
+        t_max: &mut f32,
+        best: &mut Hit,
+        ray_id: u32,
+        coverage: &C,
+    ) {
+        for &row in &self.unbounded {
+            self.meet_shape(row, ray, t_max, best, ray_id, coverage);
+        }
+    }
+}
+
+/// Marks a child reference of the top level as an instance that is a shape, of which the other bits are the part.
+pub(super) const SHAPE: u32 = INSTANCE | QUAD;
 
 /// A ray as the instance's mesh sees it.
 #[inline(always)]

@@ -3,8 +3,8 @@
 use std::mem::size_of_val;
 
 use wavecast::flat::{
-    DistantLights, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels, Instances, LocalLights,
-    Materials, TextureSlots,
+    DistantLights, EmissiveShapes, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels, Instances,
+    LocalLights, Materials, TextureSlots,
 };
 
 /// Bytes by table, in the order of [`FlatScene`].
@@ -36,6 +36,7 @@ pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {
         (
             "lights",
             lights.triangles.len() * EmissiveTriangles::ROW_BYTES
+                + lights.shapes.len() * EmissiveShapes::ROW_BYTES
                 + lights.local.len() * LocalLights::ROW_BYTES
                 + lights.distant.len() * DistantLights::ROW_BYTES,
         ),

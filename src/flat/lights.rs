@@ -34,6 +34,29 @@ soa! {
 }
 
 soa! {
+    /// Emitting shapes. Points are drawn uniformly by area in local space.
+    pub struct EmissiveShapes of EmissiveShape {
+        /// Row of the instance.
+        instance: u32,
+        /// In local space, m².
+        area: f32,
+        /// Area in the world, m².
+        world_area: f32,
+        /// By rows, what takes a unit normal in local space to one in the world that is as long as a piece of the surface
+        /// gets larger.
+        cofactors: [f32; 9],
+        /// As of [`EmissiveTriangles`].
+        error: [f32; 3],
+        /// Radiance, nit, before any texture.
+        radiance: [f32; 3],
+        /// 1 if the back emits too.
+        two_sided: u32,
+        /// Row of the texture slot that scales the radiance, or `NONE`.
+        texture: u32,
+    }
+}
+
+soa! {
     /// Point and spot lights.
     pub struct LocalLights of LocalLight {
         /// m.
@@ -75,12 +98,14 @@ pub enum EnvironmentLight {
 
 /// All emitters.
 ///
-/// Choice row order: emissive triangles, local lights, distant lights, then the
+/// Choice row order: emissive triangles, local lights, distant lights, emissive shapes, then the
 /// environment map if there is one.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     /// Emitting triangles.
     pub triangles: EmissiveTriangles,
+    /// Emitting shapes.
+    pub shapes: EmissiveShapes,
     /// Point and spot lights.
     pub local: LocalLights,
     /// Directional lights.
@@ -104,8 +129,18 @@ impl Lights {
         self.first_local() + self.local.len() as u32
     }
 
-    /// The environment map's choice row, one past the last distant light's.
-    pub fn environment_row(&self) -> u32 {
+    /// First choice row of the emitting shapes.
+    pub fn first_shape(&self) -> u32 {
         self.first_distant() + self.distant.len() as u32
+    }
+
+    /// The environment map's choice row, one past the last shape's.
+    pub fn environment_row(&self) -> u32 {
+        self.first_shape() + self.shapes.len() as u32
+    }
+
+    /// The light row of a shape, for [`FlatScene::light_rows`](super::FlatScene::light_rows): those of triangles come before.
+    pub fn shape_row(&self, shape: usize) -> u32 {
+        (self.triangles.len() + shape) as u32
     }
 }

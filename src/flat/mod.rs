@@ -20,8 +20,8 @@ pub use self::{
     camera::{CameraView, ViewProjection},
     instances::{Instance, Instances},
     lights::{
-        DistantLight, DistantLights, EmissiveTriangle, EmissiveTriangles, EnvironmentLight, Lights, LocalLight,
-        LocalLights,
+        DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,
+        EnvironmentLight, Lights, LocalLight, LocalLights,
     },
     materials::{COVERS, MaterialRow, Materials, ShadingClass, flags},
     meshes::FlatMesh,
@@ -43,7 +43,8 @@ pub struct FlatScene {
     /// Rows of [`Self::materials`], for instance `i` and slot `s` at `instances.material_base[i] + s`.
     pub material_rows: Vec<u32>,
     /// For the emissive instances: the light row of each triangle, or [`NONE`]; triangle `t` of
-    /// instance `i` at `instances.light_base[i] + t` unless that base is [`NONE`].
+    /// instance `i` at `instances.light_base[i] + t` unless that base is [`NONE`]. Of a shape every face has the row that
+    /// [`Lights::shape_row`] gives.
     pub light_rows: Vec<u32>,
     /// Appearance.
     pub materials: Materials,

@@ -36,8 +36,11 @@ impl SceneNeeds {
     /// There is more than one instance, or one with a transform.
     pub const INSTANCING: Self = Self(1 << 14);
 
+    /// Something visible is given by a formula.
+    pub const SHAPES: Self = Self(1 << 15);
+
     /// Every need with its name.
-    pub const ALL: [(Self, &'static str); 15] = [
+    pub const ALL: [(Self, &'static str); 16] = [
         (Self::TEXTURES, "textures"),
         (Self::NORMAL_MAPS, "normal maps"),
         (Self::ALPHA, "alpha"),
@@ -53,6 +56,7 @@ impl SceneNeeds {
         (Self::VERTEX_COLORS, "vertex colors"),
         (Self::UNLIT, "unlit"),
         (Self::INSTANCING, "instancing"),
+        (Self::SHAPES, "shapes"),
     ];
 
     /// True if all of `needs` are in the set.

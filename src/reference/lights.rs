@@ -4,9 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::{geometry::Triangle, rng::Rng};
+use super::{geometry::Triangle, rng::Rng, shapes::Placed};
 use crate::{
-    flat::{EnvironmentLight, FlatScene, NONE},
+    flat::{EnvironmentLight, FlatScene, NONE, flags},
     light::EnvironmentTable,
 };
 
@@ -15,6 +15,8 @@ use crate::{
 pub enum Light {
     /// An index into the triangles of the tree.
     Triangle(usize),
+    /// An index into the shapes.
+    Shape(usize),
     /// A row of `Lights::local`.
     Local(usize),
     /// A row of `Lights::distant`.
@@ -61,6 +63,8 @@ pub struct LightTable<'a> {
     choice: Distribution,
     /// By triangle of the tree: its index among the lights.
     of_triangle: Vec<Option<usize>>,
+    /// By shape: the same.
+    of_shape: Vec<Option<usize>>,
     texels: Distribution,
 }
 
@@ -73,8 +77,8 @@ fn luminance(v: DVec3) -> f64 {
 }
 
 impl<'a> LightTable<'a> {
-    /// The lights of `scene`, whose triangles are `triangles` and reach as far as `scale`, m, from the origin.
-    pub fn new(scene: &'a FlatScene, triangles: &[Triangle], scale: f64) -> Self {
+    /// The lights of `scene`, whose triangles and shapes reach as far as `scale`, m, from the origin.
+    pub fn new(scene: &'a FlatScene, triangles: &[Triangle], shapes: &[Placed], scale: f64) -> Self {
         let mut lights = Vec::new();
         let mut power = Vec::new();
         let mut of_triangle = vec![None; triangles.len()];
@@ -85,6 +89,18 @@ impl<'a> LightTable<'a> {
                 lights.push(Light::Triangle(index));
                 let radiance = luminance(vec3(scene.lights.triangles.radiance[row as usize]));
                 power.push(PI * radiance * triangle.cross().length() / 2.0);
+            }
+        }
+        let mut of_shape = vec![None; shapes.len()];
+        for (index, shape) in shapes.iter().enumerate() {
+            let material = scene.materials.row(scene.material_of(shape.instance, 0) as usize);
+            if let Some(area) = shape.area()
+                && material.flags & flags::EMISSIVE != 0
+            {
+                of_shape[index] = Some(lights.len());
+                lights.push(Light::Shape(index));
+                // Any weight will do; this one is right for what is not scaled.
+                power.push(PI * luminance(vec3(material.emissive)) * area);
             }
         }
         for row in 0..scene.lights.local.len() {
@@ -112,7 +128,7 @@ impl<'a> LightTable<'a> {
         let even = 1.0 / lights.len() as f64;
         let share = |p: &f64| if total > 0.0 { p / total } else { 0.0 };
         let choice = Distribution::new(power.iter().map(|p| even + share(p)));
-        Self { scene, lights, choice, of_triangle, texels }
+        Self { scene, lights, choice, of_triangle, of_shape, texels }
     }
 
     /// A light and its probability; `None` if there are none.
@@ -127,6 +143,13 @@ impl<'a> LightTable<'a> {
         let cross = triangle.cross();
         let cos = direction.dot(cross.normalize()).abs();
         self.choice.probability(light) * t * t / (cos * cross.length() / 2.0)
+    }
+
+    /// The same of a shape, given its point in local space and the plane that touches it there.
+    pub fn shape_pdf(&self, index: usize, shape: &Placed, p: DVec3, direction: DVec3, t: f64) -> f64 {
+        let Some(light) = self.of_shape[index] else { return 0.0 };
+        let cos = direction.dot(shape.facet(p).cross().normalize()).abs();
+        self.choice.probability(light) * t * t * shape.pdf(p) / cos
     }
 
     /// Radiance of the sky, nit.

@@ -12,6 +12,7 @@ pub mod geometry;
 mod lights;
 mod render;
 mod rng;
+mod shapes;
 mod surface;
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec2, DVec3, DVec4};
 use super::{
     bsdf::Surface,
     geometry::{Hit, Triangle, transforms},
+    shapes::Placed,
     texture::look_up,
 };
 use crate::flat::{FlatMesh, FlatScene, MaterialRow, NONE, flags};
@@ -15,6 +16,8 @@ pub struct Place<'a> {
     mesh: &'a FlatMesh,
     triangle: Triangle,
     weights: [f64; 3],
+    /// On a shape: it, and the point in its space.
+    on_shape: Option<(Placed, DVec3)>,
     /// Row of the material.
     pub material_row: u32,
     /// That row.
@@ -52,10 +55,17 @@ impl<'a> Place<'a> {
             mesh: &scene.meshes[scene.instances.mesh[instance] as usize],
             triangle: *triangle,
             weights: [1.0 - hit.b1 - hit.b2, hit.b1, hit.b2],
+            on_shape: None,
             material_row,
             material: scene.materials.row(material_row as usize),
             front: orientation * triangle.cross().normalize(),
         }
+    }
+
+    /// A local point of a shape.
+    pub fn on_shape(scene: &'a FlatScene, shape: &Placed, p: DVec3) -> Self {
+        let at_first_corner = Hit { t: 0.0, b1: 0.0, b2: 0.0, index: 0 };
+        Self { on_shape: Some((*shape, p)), ..Self::new(scene, &shape.facet(p), &at_first_corner) }
     }
 
     fn has(&self, flag: u32) -> bool {
@@ -64,8 +74,8 @@ impl<'a> Place<'a> {
 
     /// Values of the three corners.
     fn corners<T: Copy>(&self, column: &[T]) -> Option<[T; 3]> {
-        let rows = self.mesh.triangles[self.triangle.triangle as usize];
-        (!column.is_empty()).then(|| rows.map(|row| column[row as usize]))
+        (!column.is_empty())
+            .then(|| self.mesh.triangles[self.triangle.triangle as usize].map(|row| column[row as usize]))
     }
 
     /// Interpolates a column of the mesh; `None` if the mesh does not have it.
@@ -80,8 +90,9 @@ impl<'a> Place<'a> {
             return DVec4::ONE;
         }
         let set = self.scene.textures.slots.tex_coord[slot as usize] as usize;
-        let uv = self.mesh.uvs.get(set).and_then(|uvs| self.interpolate(uvs)).unwrap_or([0.0; 2]);
-        look_up(self.scene, slot, DVec2::from_array(uv))
+        let of_mesh = || self.mesh.uvs.get(set).and_then(|uvs| self.interpolate(uvs)).unwrap_or([0.0; 2]);
+        let uv = self.on_shape.map_or_else(|| DVec2::from_array(of_mesh()), |(shape, p)| shape.uv(p));
+        look_up(self.scene, slot, uv)
     }
 
     /// Base colour and coverage.
@@ -127,6 +138,11 @@ impl<'a> Place<'a> {
         if self.is_unlit() {
             let seen = from_front || self.has(flags::DOUBLE_SIDED);
             return if seen { self.base().truncate() } else { DVec3::ZERO };
+        }
+        if self.on_shape.is_some() {
+            let shines = self.has(flags::EMISSIVE) && (from_front || self.has(flags::DOUBLE_SIDED));
+            let radiance = vec3(self.material.emissive) * self.texture(self.material.emissive_texture).truncate();
+            return if shines { radiance } else { DVec3::ZERO };
         }
         let row = self.scene.light_of(self.triangle.instance, self.triangle.triangle);
         if row == NONE {
@@ -184,7 +200,8 @@ impl<'a> Place<'a> {
         if self.material.normal_texture == NONE {
             return None;
         }
-        let [x, y, z, w] = self.interpolate(&self.mesh.tangents)?;
+        let of_shape = self.on_shape.map(|(shape, p)| shape.tangent(p));
+        let [x, y, z, w] = of_shape.or_else(|| self.interpolate(&self.mesh.tangents))?;
         let tangent = world_from_local * DVec3::new(x, y, z);
         let tangent = (tangent - tangent.dot(n) * n).try_normalize()?;
         let handedness = w.signum() * if world_from_local.determinant() < 0.0 { -1.0 } else { 1.0 };

@@ -8,6 +8,7 @@ use super::{
     geometry::{Bvh, Hit, Ray, world_triangles},
     lights::{Light, LightTable},
     rng::Rng,
+    shapes::{Placed, placed_shapes},
     surface::{Place, ShadingPoint},
 };
 use crate::flat::FlatScene;
@@ -17,6 +18,7 @@ use crate::flat::FlatScene;
 pub struct Tracer<'a> {
     scene: &'a FlatScene,
     bvh: Bvh,
+    shapes: Vec<Placed>,
     lights: LightTable<'a>,
     max_depth: u32,
     least_lift: f64,
@@ -51,6 +53,23 @@ fn power_heuristic(own: f64, other: f64) -> f64 {
     1.0 / (1.0 + ratio * ratio)
 }
 
+/// What a ray meets first.
+#[derive(Clone, Copy)]
+enum Met {
+    Triangle(Hit),
+    /// Index of the shape, distance, point in its space.
+    Shape(usize, f64, DVec3),
+}
+
+impl Met {
+    fn t(&self) -> f64 {
+        match self {
+            Self::Triangle(hit) => hit.t,
+            Self::Shape(_, t, _) => *t,
+        }
+    }
+}
+
 /// What a path carries from one surface to the next.
 #[derive(Clone, Copy)]
 struct Path {
@@ -68,16 +87,19 @@ impl<'a> Tracer<'a> {
     /// Builds the tree and the table of lights; of the settings only what does not concern the film is used.
     pub fn new(scene: &'a FlatScene, settings: &ReferenceSettings) -> Self {
         let bvh = Bvh::new(world_triangles(scene));
-        let lights = LightTable::new(scene, &bvh.triangles, bvh.scale());
+        let shapes = placed_shapes(scene);
+        let scale = shapes.iter().map(Placed::reach).fold(bvh.scale(), f64::max);
+        let lights = LightTable::new(scene, &bvh.triangles, &shapes, scale);
         Self {
             scene,
             lights,
             max_depth: settings.max_depth.unwrap_or(u32::MAX),
             // Lower ones could not be told from none: a ray would start past the facet it was lifted from.
-            least_lift: if settings.terminator_fix { 1e-8 * bvh.scale() } else { f64::INFINITY },
+            least_lift: if settings.terminator_fix { 1e-8 * scale } else { f64::INFINITY },
             transparent: settings.transparent,
-            offset: 1e-9 * bvh.scale(),
+            offset: 1e-9 * scale,
             bvh,
+            shapes,
         }
     }
 
@@ -96,8 +118,8 @@ impl<'a> Tracer<'a> {
             return if hidden { DVec3::ZERO } else { weight * self.lights.sky(-wo) };
         };
         let place = self.place(&hit);
-        let transmittance = self.transmittance(path.inside, &place, wo, hit.t);
-        let found = self.lights.triangle_pdf(hit.index, &self.bvh.triangles[hit.index], wo, hit.t);
+        let transmittance = self.transmittance(path.inside, &place, wo, hit.t());
+        let found = self.found_pdf(&hit, wo);
         let emitted = path.arrival.weight(found) * place.emission(wo);
         if place.is_unlit() || path.depth >= self.max_depth {
             return transmittance * emitted;
@@ -111,15 +133,19 @@ impl<'a> Tracer<'a> {
     fn direct(&self, path: &Path, place: &Place, point: &ShadingPoint, rng: &mut Rng) -> DVec3 {
         let Some((light, probability)) = self.lights.choose(rng.uniform()) else { return DVec3::ZERO };
         let wo = -path.ray.direction;
-        let (triangle, target) = match light {
+        let target = match light {
             Light::Triangle(index) => {
                 let root = rng.uniform().sqrt();
                 let b2 = root * rng.uniform();
-                (Some(index), Target::At(self.bvh.triangles[index].point(root - b2, b2)))
+                Target::At(self.bvh.triangles[index].point(root - b2, b2))
             }
-            Light::Local(row) => (None, Target::At(self.lights.position(row))),
-            Light::Distant(row) => (None, Target::Towards(self.lights.distant(row).0)),
-            Light::Map => (None, Target::Towards(self.lights.sample_sky(rng))),
+            Light::Shape(index) => {
+                let shape = &self.shapes[index];
+                Target::At(shape.facet(shape.sample(rng)).p0)
+            }
+            Light::Local(row) => Target::At(self.lights.position(row)),
+            Light::Distant(row) => Target::Towards(self.lights.distant(row).0),
+            Light::Map => Target::Towards(self.lights.sample_sky(rng)),
         };
         let Some((origin, wi, distance)) = point.leave_for(target) else { return DVec3::ZERO };
         let f = point.eval(wo, wi);
@@ -130,11 +156,11 @@ impl<'a> Tracer<'a> {
         let inside = point.inside_after(wi, path.inside, place);
         let mut ray = Ray { origin, direction: wi, t_min: self.offset, t_max: f64::INFINITY };
         match light {
-            Light::Triangle(_) => match self.meet(&ray, rng) {
-                Some(hit) if Some(hit.index) == triangle => {
+            Light::Triangle(_) | Light::Shape(_) => match self.meet(&ray, rng) {
+                Some(hit) if self.is_on(&hit, light, distance) => {
                     let there = self.place(&hit);
-                    let pdf = self.lights.triangle_pdf(hit.index, &self.bvh.triangles[hit.index], wi, hit.t);
-                    let emitted = self.transmittance(inside, &there, -wi, hit.t) * there.emission(-wi);
+                    let pdf = self.found_pdf(&hit, wi);
+                    let emitted = self.transmittance(inside, &there, -wi, hit.t()) * there.emission(-wi);
                     f * emitted * power_heuristic(pdf, scattered) / pdf
                 }
                 _ => DVec3::ZERO,
@@ -181,12 +207,49 @@ impl<'a> Tracer<'a> {
     }
 
     /// The nearest surface that is there for this ray: covered, and not a back that is culled.
-    fn meet(&self, ray: &Ray, rng: &mut Rng) -> Option<Hit> {
-        self.bvh.intersect(ray, &mut |hit| self.place(hit).is_met(ray.direction, || rng.uniform()))
+    fn meet(&self, ray: &Ray, rng: &mut Rng) -> Option<Met> {
+        let mut is_there = |met: &Met| self.place(met).is_met(ray.direction, || rng.uniform());
+        let mut nearest = self.bvh.intersect(ray, &mut |hit| is_there(&Met::Triangle(*hit))).map(Met::Triangle);
+        for (index, shape) in self.shapes.iter().enumerate() {
+            for (t, p) in shape.crossings(ray) {
+                let met = Met::Shape(index, t, p);
+                let is_nearer = nearest.is_none_or(|old| (t, shape.instance) < (old.t(), self.instance(&old)));
+                if is_nearer && is_there(&met) {
+                    nearest = Some(met);
+                }
+            }
+        }
+        nearest
     }
 
-    fn place(&self, hit: &Hit) -> Place<'a> {
-        Place::new(self.scene, &self.bvh.triangles[hit.index], hit)
+    fn instance(&self, met: &Met) -> u32 {
+        match met {
+            Met::Triangle(hit) => self.bvh.triangles[hit.index].instance,
+            Met::Shape(index, ..) => self.shapes[*index].instance,
+        }
+    }
+
+    fn place(&self, met: &Met) -> Place<'a> {
+        match met {
+            Met::Triangle(hit) => Place::new(self.scene, &self.bvh.triangles[hit.index], hit),
+            Met::Shape(index, _, p) => Place::on_shape(self.scene, &self.shapes[*index], *p),
+        }
+    }
+
+    /// Density, 1/sr, with which a point is looked for as a light from where a ray along ±`direction` has come from.
+    fn found_pdf(&self, met: &Met, direction: DVec3) -> f64 {
+        match met {
+            Met::Triangle(hit) => self.lights.triangle_pdf(hit.index, &self.bvh.triangles[hit.index], direction, hit.t),
+            Met::Shape(index, t, p) => self.lights.shape_pdf(*index, &self.shapes[*index], *p, direction, *t),
+        }
+    }
+
+    /// Whether what is met is the point of the light that was looked for: a shape may hide its own far side.
+    fn is_on(&self, met: &Met, light: Light, distance: f64) -> bool {
+        match met {
+            Met::Triangle(hit) => light == Light::Triangle(hit.index),
+            Met::Shape(index, t, _) => light == Light::Shape(*index) && (t - distance).abs() <= 1e-6 * distance,
+        }
     }
 
     /// What is left, per channel, of light that came from `place` over the distance `t`.

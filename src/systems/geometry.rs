@@ -1,4 +1,4 @@
-//! Meshes to flat meshes, each with its tree; cached by identity.
+//! Meshes to flat meshes, each with its tree; cached by identity. Shapes become flat meshes without triangles.
 
 use std::{
     collections::HashMap,
@@ -12,13 +12,13 @@ use super::opacity::MeshOpacity;
 use crate::{
     accel::{AccelKind, Blas},
     flat::FlatMesh,
-    world::TriMesh,
+    world::{Shape, TriMesh},
 };
 
 /// Flat meshes by the identity of their source, which the cache keeps alive so that no other can take its place.
 #[derive(Default)]
 pub struct MeshCache {
-    meshes: HashMap<usize, (Arc<TriMesh>, Kept)>,
+    meshes: HashMap<FormId, (Form, Kept)>,
     /// What the meshes are in.
     accel: AccelKind,
 }
@@ -39,31 +39,76 @@ pub struct Synced {
     pub time: Duration,
 }
 
-/// The identity of a mesh: its address, only ever compared.
-pub fn id(mesh: &Arc<TriMesh>) -> usize {
-    Arc::as_ptr(mesh) as usize
+/// What an entity shows.
+#[derive(Clone, Debug)]
+pub enum Form {
+    /// Triangles.
+    Mesh(Arc<TriMesh>),
+    /// A formula.
+    Shape(Shape),
+}
+
+/// Which form it is: equal for those that share a flat mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FormId {
+    /// By its address, only ever compared.
+    Mesh(usize),
+    /// By its kind and the bits of its sizes.
+    Shape([u32; 3]),
+}
+
+impl Form {
+    /// Its identity.
+    pub fn id(&self) -> FormId {
+        match self {
+            Self::Mesh(mesh) => FormId::Mesh(Arc::as_ptr(mesh) as usize),
+            Self::Shape(shape) => FormId::Shape(match *shape {
+                Shape::Plane => [0; 3],
+                Shape::Sphere { radius } => [1, radius.to_bits(), 0],
+                Shape::Disc { radius } => [2, radius.to_bits(), 0],
+                Shape::Cylinder { radius, half_height } => [3, radius.to_bits(), half_height.to_bits()],
+            }),
+        }
+    }
+
+    /// Says what is wrong with it, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Mesh(mesh) => mesh.check(),
+            Self::Shape(shape) => shape.check(),
+        }
+    }
+
+    /// Material slots that it uses: one more than the largest.
+    pub fn slot_count(&self) -> u32 {
+        match self {
+            Self::Mesh(mesh) => mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1),
+            Self::Shape(_) => 1,
+        }
+    }
+
+    /// It has vertex colours.
+    pub fn is_colored(&self) -> bool {
+        matches!(self, Self::Mesh(mesh) if !mesh.colors.is_empty())
+    }
 }
 
 impl MeshCache {
     /// True if [`MeshCache::sync`] would have nothing to write into the structures of meshes that it has.
-    pub fn has(&self, sources: &[(Arc<TriMesh>, MeshOpacity)]) -> bool {
+    pub fn has(&self, sources: &[(Form, MeshOpacity)]) -> bool {
         sources
             .iter()
-            .all(|(source, opacity)| self.meshes.get(&id(source)).is_none_or(|(_, kept)| kept.opacity == *opacity))
+            .all(|(source, opacity)| self.meshes.get(&source.id()).is_none_or(|(_, kept)| kept.opacity == *opacity))
     }
 
     /// The flat form of each mesh, in order. Meshes not asked for are forgotten.
     ///
     /// Nobody else should hold flat meshes of an earlier call, or structures of them: those that do are left with copies.
-    pub fn sync(
-        &mut self,
-        sources: Vec<(Arc<TriMesh>, MeshOpacity)>,
-        accel: AccelKind,
-    ) -> (Vec<Arc<FlatMesh>>, Synced) {
+    pub fn sync(&mut self, sources: Vec<(Form, MeshOpacity)>, accel: AccelKind) -> (Vec<Arc<FlatMesh>>, Synced) {
         let restructured = std::mem::replace(&mut self.accel, accel) != accel;
         let mut old = std::mem::take(&mut self.meshes);
         let kept: Vec<Option<Kept>> =
-            sources.iter().map(|(source, _)| old.remove(&id(source)).map(|(_, kept)| kept)).collect();
+            sources.iter().map(|(source, _)| old.remove(&source.id()).map(|(_, kept)| kept)).collect();
         let build: Vec<bool> = kept.iter().map(|entry| restructured || entry.is_none()).collect();
         let before = kept.iter().map(|entry| entry.as_ref().map(|kept| &kept.opacity));
         // A new structure says of all triangles that they are solid.
@@ -96,7 +141,7 @@ impl MeshCache {
         self.meshes = sources
             .into_iter()
             .zip(&meshes)
-            .map(|((source, opacity), mesh)| (id(&source), (source, Kept { mesh: Arc::clone(mesh), opacity })))
+            .map(|((source, opacity), mesh)| (source.id(), (source, Kept { mesh: Arc::clone(mesh), opacity })))
             .collect();
         let count = |of: &[bool]| of.iter().filter(|one| **one).count();
         (meshes, Synced { built: count(&build), marked: count(&mark), time })
@@ -104,14 +149,22 @@ impl MeshCache {
 }
 
 fn blas_of(mesh: &FlatMesh, accel: AccelKind) -> Blas {
+    if let Some(shape) = mesh.shape {
+        return Blas::of_shape(shape);
+    }
     let corners: Vec<[[f32; 3]; 3]> = (0..mesh.triangles.len() as u32).map(|row| mesh.corners(row)).collect();
     Blas::build_as(accel, &corners)
 }
 
 /// All but the tree.
-fn flatten(mesh: &TriMesh) -> FlatMesh {
+fn flatten(form: &Form) -> FlatMesh {
+    let mesh = match form {
+        Form::Mesh(mesh) => mesh,
+        Form::Shape(shape) => return FlatMesh { shape: Some(*shape), slot_count: 1, ..FlatMesh::default() },
+    };
     FlatMesh {
         blas: Arc::default(),
+        shape: None,
         positions: mesh.positions.iter().map(|p| p.to_array()).collect(),
         triangles: mesh.triangles.clone(),
         normals: mesh.normals.iter().map(|n| n.to_array()).collect(),
@@ -119,6 +172,6 @@ fn flatten(mesh: &TriMesh) -> FlatMesh {
         uvs: mesh.uvs.iter().map(|set| set.iter().map(|uv| uv.to_array()).collect()).collect(),
         colors: mesh.colors.iter().map(|c| c.to_array()).collect(),
         slots: mesh.slots.clone(),
-        slot_count: mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1),
+        slot_count: form.slot_count(),
     }
 }

@@ -1,22 +1,23 @@
-//! Entities with geometry to instances, their materials, and the top-level tree.
+//! Entities with geometry or a shape to instances, their materials, and the top-level tree.
 
-use std::sync::Arc;
+use std::{collections::HashSet, sync::Arc};
 
 use glam::DAffine3;
 use hecs::World;
 
+use super::geometry::Form;
 use crate::{
     accel::InstanceRef,
     flat::{FlatMesh, Instance, NONE},
-    world::{EmissiveSurface, Geometry, MaterialSlots, SceneKey, TriMesh, WorldTransform, WorldVisibility},
+    world::{EmissiveSurface, Geometry, MaterialSlots, SceneKey, Shape, WorldTransform, WorldVisibility},
 };
 
-/// A visible entity with geometry.
+/// A visible entity with geometry or a shape.
 pub struct Shown {
     /// Of the entity.
     pub key: SceneKey,
     /// What it shows.
-    pub mesh: Arc<TriMesh>,
+    pub form: Form,
     /// Where.
     pub world_from_local: DAffine3,
     /// Material of each slot.
@@ -25,31 +26,50 @@ pub struct Shown {
     pub emissive: bool,
 }
 
-/// Visible entities with geometry in the order of their keys; what cannot be placed is warned of and left out.
-pub fn shown(world: &mut World, warnings: &mut Vec<String>) -> Vec<Shown> {
-    type Row<'a> = (
+/// Visible entities with a `T` that has a form.
+fn showing<T: hecs::Component>(world: &mut World, form: impl Fn(&T) -> Option<Form>) -> Vec<Shown> {
+    type Row<'a, T> = (
         &'a SceneKey,
-        &'a Geometry,
+        &'a T,
         Option<&'a WorldTransform>,
         Option<&'a WorldVisibility>,
         Option<&'a MaterialSlots>,
         Option<&'a EmissiveSurface>,
     );
-    let mut shown: Vec<Shown> = world
-        .query_mut::<Row>()
+    world
+        .query_mut::<Row<T>>()
         .into_iter()
-        .filter(|(_, geometry, _, visibility, ..)| visibility.is_none_or(|v| v.0) && !geometry.0.triangles.is_empty())
-        .map(|(key, geometry, transform, _, slots, emissive)| Shown {
-            key: *key,
-            mesh: Arc::clone(&geometry.0),
-            world_from_local: transform.map_or(DAffine3::IDENTITY, |t| t.0),
-            slots: slots.cloned(),
-            emissive: emissive.is_some(),
+        .filter(|(_, _, _, visibility, ..)| visibility.is_none_or(|v| v.0))
+        .filter_map(|(key, component, transform, _, slots, emissive)| {
+            Some(Shown {
+                key: *key,
+                form: form(component)?,
+                world_from_local: transform.map_or(DAffine3::IDENTITY, |t| t.0),
+                slots: slots.cloned(),
+                emissive: emissive.is_some(),
+            })
         })
-        .collect();
+        .collect()
+}
+
+/// Visible entities with geometry or a shape in the order of their keys; what cannot be placed is warned of and left out.
+pub fn shown(world: &mut World, warnings: &mut Vec<String>) -> Vec<Shown> {
+    let mut shown = showing(world, |Geometry(mesh)| (!mesh.triangles.is_empty()).then(|| Form::Mesh(Arc::clone(mesh))));
+    let shapes = showing(world, |shape: &Shape| Some(Form::Shape(*shape)));
+    if !shapes.is_empty() {
+        let keys: HashSet<SceneKey> = shapes.iter().map(|one| one.key).collect();
+        shown.retain(|one| {
+            let alone = !keys.contains(&one.key);
+            if !alone {
+                warnings.push(format!("entity {} has a shape and triangles: the shape is shown", one.key.0));
+            }
+            alone
+        });
+        shown.extend(shapes);
+    }
     shown.sort_unstable_by_key(|one| one.key);
     shown.retain(|one| {
-        let problem = if let Err(problem) = one.mesh.check() {
+        let problem = if let Err(problem) = one.form.check() {
             problem
         } else if !invertible(&one.world_from_local) {
             "its transform has no inverse in single precision".to_owned()

@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use hecs::World;
 
 use crate::{
     flat::{
-        DistantLight, DistantLights, EmissiveTriangle, EmissiveTriangles, EnvironmentLight, FlatScene, LocalLight,
-        LocalLights, NONE, Textures, flags,
+        DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,
+        EnvironmentLight, FlatScene, LocalLight, LocalLights, NONE, Textures, flags,
     },
     light::EnvironmentTable,
     sampling::AliasTable,
     world::{
-        DirectionalLight, Environment, EnvironmentMap, PointLight, SceneKey, Sky, SpotLight, WorldTransform,
-        WorldVisibility,
+        DirectionalLight, Environment, EnvironmentMap, PointLight, SceneKey, Shape, Sky, SpotLight, WorldTransform,
+        WorldVisibility, cofactors,
     },
 };
 
@@ -109,7 +109,7 @@ pub fn environment(world: &mut World, cache: &mut EnvironmentCache) -> Option<En
 
 /// Emitting triangles of all instances, and the row of each triangle's light.
 ///
-/// Also sets `light_base` of the instances.
+/// Also sets `light_base` of the instances. Rows of shapes are left for [`emissive_shapes`].
 pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>) {
     let mut table = EmissiveTriangles::default();
     let mut light_rows = Vec::new();
@@ -123,6 +123,10 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
             continue;
         }
         flat.instances.light_base[instance as usize] = light_rows.len() as u32;
+        if let Some(shape) = mesh.shape {
+            light_rows.resize(light_rows.len() + shape.faces(), NONE);
+            continue;
+        }
         let m = flat.instances.world_from_local[instance as usize].map(f64::from);
         let to_world = |p: [f32; 3]| {
             let p = p.map(f64::from);
@@ -172,6 +176,50 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
     (table, light_rows)
 }
 
+/// Emitting shapes; sets their rows of [`FlatScene::light_rows`], which [`emissive_triangles`] has made.
+pub fn emissive_shapes(flat: &mut FlatScene) -> EmissiveShapes {
+    let mut table = EmissiveShapes::default();
+    for instance in 0..flat.instances.len() {
+        let Some(shape) = flat.meshes[flat.instances.mesh[instance] as usize].shape else { continue };
+        let base = flat.instances.light_base[instance];
+        let m = flat.instances.world_from_local[instance].map(f64::from);
+        let column = |axis: usize| DVec3::new(m[axis], m[axis + 4], m[axis + 8]);
+        let linear = DMat3::from_cols(column(0), column(1), column(2));
+        let (area, world_area) = (shape.area() as f32, shape.area_under(linear) as f32);
+        if base == NONE || !area.is_normal() || !world_area.is_normal() {
+            continue;
+        }
+        let row = flat.lights.shape_row(table.len());
+        flat.light_rows[base as usize..base as usize + shape.faces()].fill(row);
+        let cofactors = cofactors(linear) * linear.determinant().signum();
+        let material = flat.material_rows[flat.instances.material_base[instance] as usize] as usize;
+        // Rounding of a point, and of the ray's way into local space.
+        let (_, most) = flat.meshes[flat.instances.mesh[instance] as usize].blas.bounds();
+        let size = |row: usize| {
+            (0..3).map(|axis| (m[row * 4 + axis] * f64::from(most[axis])).abs()).sum::<f64>() + m[row * 4 + 3].abs()
+        };
+        table.push(EmissiveShape {
+            instance: instance as u32,
+            area,
+            world_area,
+            cofactors: std::array::from_fn(|i| cofactors.col(i % 3)[i / 3] as f32),
+            error: std::array::from_fn(|row| (8.0 * f64::from(f32::EPSILON) * size(row)) as f32),
+            radiance: flat.materials.emissive[material],
+            two_sided: u32::from(flat.materials.flags[material] & flags::DOUBLE_SIDED != 0),
+            texture: flat.materials.emissive_texture[material],
+        });
+    }
+    table
+}
+
+/// True if a plane shines, of which no point can be drawn.
+pub fn any_unsampled(flat: &FlatScene) -> bool {
+    (0..flat.instances.len()).any(|instance| {
+        let mesh = &flat.meshes[flat.instances.mesh[instance] as usize];
+        mesh.shape == Some(Shape::Plane) && flat.instances.light_base[instance] != NONE
+    })
+}
+
 /// Probability of each light by its power.
 pub fn choice(flat: &FlatScene) -> AliasTable {
     let pi = std::f64::consts::PI;
@@ -195,6 +243,12 @@ pub fn choice(flat: &FlatScene) -> AliasTable {
         power.push(2.0 * pi * (1.0 - f64::from(cos_outer)).max(1e-6) * luminance(light.intensity));
     }
     power.extend(lights.distant.illuminance.iter().map(|&lux| disc * luminance(lux)));
+    for row in 0..lights.shapes.len() {
+        let light = lights.shapes.row(row);
+        let texture = if light.texture == NONE { [1.0; 3] } else { mean_texture_of_shape(flat, &light) };
+        let radiance: [f32; 3] = std::array::from_fn(|i| light.radiance[i] * texture[i]);
+        power.push(pi * f64::from(1 + light.two_sided) * f64::from(light.world_area) * luminance(radiance));
+    }
     if let Some(EnvironmentLight::Map(map)) = &lights.environment {
         power.push(f64::from(map.power(radius)));
     }
@@ -231,4 +285,16 @@ fn mean_texture(flat: &FlatScene, light: &EmissiveTriangle) -> [f32; 3] {
         }
     }
     (sum / count).to_array()
+}
+
+/// The mean of the texture over a shape, by a grid of points that are as many wherever its area is the same.
+fn mean_texture_of_shape(flat: &FlatScene, light: &EmissiveShape) -> [f32; 3] {
+    const STEPS: u32 = 64;
+    let Some(shape) = flat.meshes[flat.instances.mesh[light.instance as usize] as usize].shape else { return [0.0; 3] };
+    let places = (0..STEPS * STEPS).map(|i| [i % STEPS, i / STEPS].map(|i| (i as f32 + 0.5) / STEPS as f32));
+    let texels = places.map(|[u0, u1]| {
+        let [r, g, b, _] = flat.textures.sample(light.texture, shape.uv(shape.sample((u0, u1))));
+        Vec3::new(r, g, b)
+    });
+    (texels.sum::<Vec3>() / (STEPS * STEPS) as f32).to_array()
 }

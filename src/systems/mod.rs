@@ -34,14 +34,17 @@ use std::{collections::HashMap, sync::Arc};
 
 pub use self::watch::{Watch, Watches};
 use self::{
-    geometry::MeshCache, instances::Shown, lights::EnvironmentCache, opacity::AlphaCache, opacity::MeshOpacity,
+    geometry::{Form, MeshCache},
+    instances::Shown,
+    lights::EnvironmentCache,
+    opacity::{AlphaCache, MeshOpacity},
     textures::ImageCache,
 };
 use crate::{
     accel::{Accel, AccelKind},
     flat::{EnvironmentLight, FlatScene, flags},
     render::SyncReport,
-    world::{Camera, EmissiveSurface, Material, MaterialSlots, Scene, SceneKey, TriMesh, WorldTransform},
+    world::{Camera, EmissiveSurface, Material, MaterialSlots, Scene, SceneKey, WorldTransform},
 };
 
 /// What the systems keep between syncs.
@@ -74,6 +77,7 @@ impl Systems {
         let moved = watches.world_transform.changed(world);
         let hidden = watches.world_visibility.changed(world);
         let meshes_changed = watches.geometry.changed(world);
+        let shapes_changed = watches.shape.changed(world);
         let slots_changed = watches.slots.changed(world);
         let materials_changed = watches.material.changed(world);
         let surfaces_changed = watches.emissive.changed(world);
@@ -84,9 +88,9 @@ impl Systems {
 
         let mut placement_changed = first;
         let (mut meshes_synced, mut materials_rebuilt) = (false, false);
-        if first || moved || hidden || meshes_changed || slots_changed || surfaces_changed {
+        if first || moved || hidden || meshes_changed || shapes_changed || slots_changed || surfaces_changed {
             let before = std::mem::replace(&mut self.shown, instances::shown(world, &mut report.warnings));
-            let same_meshes = same(&before, &self.shown, |a, b| a.key == b.key && Arc::ptr_eq(&a.mesh, &b.mesh));
+            let same_meshes = same(&before, &self.shown, |a, b| a.key == b.key && a.form.id() == b.form.id());
             meshes_synced = first || !same_meshes;
             placement_changed |=
                 !same_meshes || !same(&before, &self.shown, |a, b| a.world_from_local == b.world_from_local);
@@ -162,23 +166,23 @@ impl Systems {
         report
     }
 
-    /// Meshes of everything shown, in the order of first use, with what the materials say of their opacity.
-    fn sources(&mut self, flat: &FlatScene) -> Vec<(Arc<TriMesh>, MeshOpacity)> {
-        let mut users: Vec<(&Arc<TriMesh>, Vec<&[u32]>)> = Vec::new();
+    /// Meshes and shapes of everything shown, in the order of first use, with what the materials say of their opacity.
+    fn sources(&mut self, flat: &FlatScene) -> Vec<(Form, MeshOpacity)> {
+        let mut users: Vec<(&Form, Vec<&[u32]>)> = Vec::new();
         let mut seen = HashMap::new();
         let mut base = 0;
         for one in &self.shown {
-            let row = *seen.entry(geometry::id(&one.mesh)).or_insert_with(|| {
-                users.push((&one.mesh, Vec::new()));
+            let row = *seen.entry(one.form.id()).or_insert_with(|| {
+                users.push((&one.form, Vec::new()));
                 users.len() - 1
             });
-            let count = slot_count(&one.mesh) as usize;
+            let count = one.form.slot_count() as usize;
             users[row].1.push(&flat.material_rows[base..base + count]);
             base += count;
         }
         let images = &mut self.alphas;
-        let mut opacity = |mesh: &TriMesh, users: &[&[u32]]| MeshOpacity::of_users(mesh, users, flat, images);
-        users.into_iter().map(|(mesh, users)| (Arc::clone(mesh), opacity(mesh, &users))).collect()
+        let mut opacity = |form: &Form, users: &[&[u32]]| MeshOpacity::of_users(form, users, flat, images);
+        users.into_iter().map(|(form, users)| (form.clone(), opacity(form, &users))).collect()
     }
 
     /// Material rows of everything shown, with their textures; returns how many images were made anew.
@@ -191,10 +195,10 @@ impl Systems {
         let mut uses: Vec<materials::MaterialUse> = Vec::new();
         let mut colored = std::collections::HashSet::new();
         for one in &self.shown {
-            for slot in 0..slot_count(&one.mesh) {
+            for slot in 0..one.form.slot_count() {
                 let material_use = use_of(one, slot, &materials);
                 uses.push(material_use);
-                if !one.mesh.colors.is_empty() {
+                if one.form.is_colored() {
                     colored.insert(material_use);
                 }
             }
@@ -208,7 +212,7 @@ impl Systems {
         flat.textures = table;
         flat.material_rows.clear();
         for one in &self.shown {
-            for slot in 0..slot_count(&one.mesh) {
+            for slot in 0..one.form.slot_count() {
                 let row = uses.binary_search(&use_of(one, slot, &materials)).expect("every use was entered above");
                 flat.material_rows.push(row as u32);
             }
@@ -217,11 +221,11 @@ impl Systems {
     }
 
     fn sync_instances(&mut self, flat: &mut FlatScene) {
-        let rows: HashMap<usize, u32> = {
+        let rows = {
             let mut rows = HashMap::new();
             for one in &self.shown {
                 let next = rows.len() as u32;
-                rows.entry(geometry::id(&one.mesh)).or_insert(next);
+                rows.entry(one.form.id()).or_insert(next);
             }
             rows
         };
@@ -229,11 +233,11 @@ impl Systems {
         let mut references = Vec::with_capacity(self.shown.len());
         let mut base = 0;
         for one in &self.shown {
-            let mesh_row = rows[&geometry::id(&one.mesh)];
+            let mesh_row: u32 = rows[&one.form.id()];
             let (row, reference) = instances::place(one, mesh_row, &flat.meshes[mesh_row as usize], base);
             flat.instances.push(row);
             references.push(reference);
-            base += slot_count(&one.mesh);
+            base += one.form.slot_count();
         }
         flat.accel = Accel::build(references);
         let (center, radius) = flat.accel.bounds().map_or(([0.0; 3], 0.0), |(lo, hi)| {
@@ -248,18 +252,21 @@ impl Systems {
         let mut base = 0;
         for (row, one) in self.shown.iter().enumerate() {
             flat.instances.material_base[row] = base;
-            base += slot_count(&one.mesh);
+            base += one.form.slot_count();
         }
     }
 
     fn sync_lights(&mut self, world: &mut hecs::World, flat: &mut FlatScene) {
         (flat.lights.triangles, flat.light_rows) = lights::emissive_triangles(flat);
+        flat.lights.shapes = lights::emissive_shapes(flat);
         flat.lights.local = lights::local_lights(world);
         flat.lights.distant = lights::distant_lights(world);
         flat.lights.environment = lights::environment(world, &mut self.environment);
         let unlit = flat.materials.flags.iter().any(|f| f & flags::UNLIT != 0);
         flat.lights.default_sky = flat.lights.environment.is_none()
             && flat.lights.triangles.is_empty()
+            && flat.lights.shapes.is_empty()
+            && !lights::any_unsampled(flat)
             && flat.lights.local.is_empty()
             && flat.lights.distant.is_empty()
             // A scene of unlit surfaces alone shows itself.
@@ -269,10 +276,6 @@ impl Systems {
         }
         flat.lights.choice = lights::choice(flat);
     }
-}
-
-fn slot_count(mesh: &TriMesh) -> u32 {
-    mesh.slots.iter().copied().max().map_or(1, |slot| u32::from(slot) + 1)
 }
 
 /// The material that a slot of a shown entity uses, and whose emission replaces its own.
@@ -292,7 +295,12 @@ fn same_lights(a: &crate::flat::Lights, b: &crate::flat::Lights) -> bool {
         (Some(EnvironmentLight::Map(a)), Some(EnvironmentLight::Map(b))) => Arc::ptr_eq(a, b),
         _ => false,
     };
-    same_sky && a.triangles == b.triangles && a.local == b.local && a.distant == b.distant && a.choice == b.choice
+    same_sky
+        && a.triangles == b.triangles
+        && a.shapes == b.shapes
+        && a.local == b.local
+        && a.distant == b.distant
+        && a.choice == b.choice
 }
 
 fn first_camera(world: &mut hecs::World) -> Option<SceneKey> {

@@ -17,7 +17,9 @@ pub fn of(flat: &FlatScene) -> SceneNeeds {
     );
     needs.add_if(SceneNeeds::TRANSMISSION, any_flag(flags::TRANSMISSION));
     needs.add_if(SceneNeeds::VOLUMES, materials.absorption.iter().any(|&a| a != [0.0; 3]));
-    needs.add_if(SceneNeeds::AREA_LIGHTS, !flat.lights.triangles.is_empty());
+    let area_lights = !flat.lights.triangles.is_empty() || !flat.lights.shapes.is_empty();
+    needs.add_if(SceneNeeds::AREA_LIGHTS, area_lights);
+    needs.add_if(SceneNeeds::SHAPES, flat.meshes.iter().any(|mesh| mesh.shape.is_some()));
     needs.add_if(SceneNeeds::LOCAL_LIGHTS, !flat.lights.local.is_empty());
     needs.add_if(SceneNeeds::DISTANT_LIGHTS, !flat.lights.distant.is_empty());
     match &flat.lights.environment {

@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, sync::Arc};
 
-use super::least_alpha::LeastAlpha;
+use super::{geometry::Form, least_alpha::LeastAlpha};
 use crate::{
     accel::Opacity,
     flat::{COVERS, FlatImage, FlatScene, Materials, NONE, Textures, flags},
@@ -20,7 +20,7 @@ pub struct MeshOpacity {
 
 impl MeshOpacity {
     /// Of a mesh shown by several entities, given the rows of the materials that each of them has in the mesh's slots.
-    pub fn of_users(mesh: &TriMesh, users: &[&[u32]], flat: &FlatScene, images: &mut AlphaCache) -> Self {
+    pub fn of_users(form: &Form, users: &[&[u32]], flat: &FlatScene, images: &mut AlphaCache) -> Self {
         let Some((first, others)) = users.split_first() else { return Self::default() };
         let materials = &flat.materials;
         let mut slots: Vec<Opacity> = first.iter().map(|&row| of_material(materials, row)).collect();
@@ -41,7 +41,9 @@ impl MeshOpacity {
             .map(|slot| agreed(slot).map(|row| Veil::new(&flat.textures, materials, row, images)))
             .collect();
         let mut this = Self { slots, triangles: Vec::new() };
-        if varying.iter().any(Option::is_some) {
+        if let Form::Mesh(mesh) = form
+            && varying.iter().any(Option::is_some)
+        {
             let rows = 0..mesh.triangles.len() as u32;
             let known = rows.map(|row| {
                 let slot = mesh.slots.get(row as usize).copied().unwrap_or_default();
@@ -166,7 +168,8 @@ mod tests {
     }
 
     fn each(mesh: &TriMesh, flat: &FlatScene, users: &[&[u32]]) -> [Opacity; 4] {
-        let opacity = MeshOpacity::of_users(mesh, users, flat, &mut AlphaCache::default());
+        let form = Form::Mesh(Arc::new(mesh.clone()));
+        let opacity = MeshOpacity::of_users(&form, users, flat, &mut AlphaCache::default());
         [0, 1, 2, 3].map(|triangle| opacity.of(&mesh.slots, triangle))
     }
 
@@ -178,7 +181,12 @@ mod tests {
         assert_eq!(each(&mesh, &flat, &[&[0, 1, 2]]), [FRONT, SOLID, ASKED, FRONT]);
         assert_eq!(each(&mesh, &flat, &[&[0, 1, 2], &[0, 3, 2]]), [FRONT, SOLID, ASKED, FRONT]);
         assert_eq!(each(&mesh, &flat, &[&[0, 1, 2], &[1, 1, 1]]), [ASKED, SOLID, ASKED, ASKED]);
-        let none = MeshOpacity::of_users(&mesh, &[&[1, 3, 1], &[3, 3, 1]], &flat, &mut AlphaCache::default());
+        let none = MeshOpacity::of_users(
+            &Form::Mesh(Arc::new(mesh)),
+            &[&[1, 3, 1], &[3, 3, 1]],
+            &flat,
+            &mut AlphaCache::default(),
+        );
         assert_eq!(none, MeshOpacity::default());
     }
 

@@ -4,7 +4,7 @@ use hecs::{ChangeTracker, Component, World};
 
 use crate::world::{
     Camera, DirectionalLight, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent,
-    PointLight, SpotLight, Visibility, WorldTransform, WorldVisibility,
+    PointLight, Shape, SpotLight, Visibility, WorldTransform, WorldVisibility,
 };
 
 /// Tells whether any `T` in the world changed since it was last asked.
@@ -45,6 +45,7 @@ pub struct Watches {
     pub(super) world_transform: Watch<WorldTransform>,
     pub(super) world_visibility: Watch<WorldVisibility>,
     pub(super) geometry: Watch<Geometry>,
+    pub(super) shape: Watch<Shape>,
     pub(super) slots: Watch<MaterialSlots>,
     pub(super) material: Watch<Material>,
     pub(super) emissive: Watch<EmissiveSurface>,

@@ -43,7 +43,8 @@ pub fn vertices(scene: &FlatScene, rows: &[u32], hits: &HitQueue) {
     for &row in rows {
         let (instance, triangle) = (hits.instance[row as usize], hits.triangle[row as usize]);
         let mesh = &scene.meshes[scene.instances.mesh[instance as usize] as usize];
-        for vertex in mesh.triangles[triangle as usize] {
+        // Shapes have none.
+        for &vertex in mesh.triangles.get(triangle as usize).into_iter().flatten() {
             let vertex = vertex as usize;
             prefetch::<1, _>(&mesh.positions, vertex);
             if !mesh.normals.is_empty() {
@@ -74,7 +75,7 @@ pub fn texels(scene: &FlatScene, rows: &[u32], materials: &[u32], hits: &HitQueu
         ];
         for slot in slots {
             if slot != NONE {
-                let vertices = mesh.triangles[hits.triangle[row] as usize];
+                let vertices = mesh.vertices(hits.triangle[row]);
                 let set = textures.slots.tex_coord[slot as usize];
                 textures.ask_for(slot, mesh.uv_at(set, vertices, hits.b1[row], hits.b2[row]));
             }

@@ -23,10 +23,14 @@ impl<'a> SceneCoverage<'a> {
         Self { scene, alpha_tests: Cell::new(0), texture_lookups: Cell::new(0) }
     }
 
+    fn is_shape(&self, hit: &Hit) -> bool {
+        self.scene.meshes[self.scene.instances.mesh[hit.instance as usize] as usize].shape.is_some()
+    }
+
     fn alpha(&self, material: usize, hit: &Hit) -> f32 {
         let materials = &self.scene.materials;
         let mesh = &self.scene.meshes[self.scene.instances.mesh[hit.instance as usize] as usize];
-        let triangle = mesh.triangles[hit.triangle as usize];
+        let triangle = mesh.vertices(hit.triangle);
         let b0 = 1.0 - hit.b1 - hit.b2;
         let mut alpha = materials.base_alpha[material];
         if !mesh.colors.is_empty() {
@@ -61,7 +65,9 @@ impl Coverage for SceneCoverage<'_> {
             alpha >= self.scene.materials.alpha_cutoff[material]
         } else {
             // A pure function of the ray and the surface, so that the order of traversal does not matter.
-            let u = mix(ray_id ^ mix(hit.triangle ^ mix(hit.instance))) >> 8;
+            // A ray may come in and go out through the same face of a shape, and asks twice.
+            let place = if hit.back && self.is_shape(hit) { !hit.triangle } else { hit.triangle };
+            let u = mix(ray_id ^ mix(place ^ mix(hit.instance))) >> 8;
             (u as f32) * (1.0 / 16_777_216.0) < alpha || alpha >= COVERS
         }
     }

@@ -1,6 +1,9 @@
 //! Light sampling: which light, and from where on it. A kernel for eight lanes or one.
 
+use glam::DVec3;
+
 use crate::{
+    accel::Hit,
     flat::{EnvironmentLight, FlatScene, NONE},
     sampling::lengthen,
     simd::{Mask, Real, Rgb, V3},
@@ -32,7 +35,7 @@ struct Picked {
     error: [f32; 3],
     normal: [f32; 3],
     radiance: [f32; 3],
-    /// Area for a triangle, density for the sky.
+    /// Area for a triangle, one over the density by area for a shape, density for the sky.
     measure: f32,
     pmf: f32,
 }
@@ -60,8 +63,8 @@ pub fn sample<F: Real>(
     lookups: &mut [u64; 2],
 ) -> LightSample<F> {
     let lights = &scene.lights;
-    let (first_local, first_distant, sky_row) =
-        (lights.first_local(), lights.first_distant(), lights.environment_row());
+    let (first_local, first_distant) = (lights.first_local(), lights.first_distant());
+    let (first_shape, sky_row) = (lights.first_shape(), lights.environment_row());
     let mut kinds = Kinds::default();
     let mut picked = [Picked::default(); 8];
     let (b1, b2) = crate::sampling::warp::triangle(u);
@@ -102,11 +105,17 @@ pub fn sample<F: Real>(
             one.radiance = light.intensity;
             one.normal = light.axis;
             one.error = [light.cos_scale, light.cos_offset, 0.0];
-        } else if row < sky_row {
+        } else if row < first_shape {
             let light = lights.distant.row((row - first_distant) as usize);
             kinds.distant |= bit;
             one.target = light.to_light;
             one.radiance = light.illuminance;
+        } else if row < sky_row {
+            // What follows of a triangle holds of any piece of surface.
+            let row = (row - first_shape) as usize;
+            kinds.triangle |= bit;
+            kinds.two_sided |= lights.shapes.two_sided[row] << lane;
+            *one = Picked { pmf, ..on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]) };
         } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
             lookups[1] += 1;
             kinds.sky |= bit;
@@ -175,6 +184,52 @@ pub fn sample<F: Real>(
         valid = (valid & !is_sky) | seen;
     }
     LightSample { wi, target: end, near, light, pdf, valid }
+}
+
+/// A point on a shape that shines.
+#[cold]
+fn on_shape(scene: &FlatScene, row: usize, u: (f32, f32), lookups: &mut u64) -> Picked {
+    let light = scene.lights.shapes.row(row);
+    let instance = light.instance as usize;
+    let Some(shape) = scene.meshes[scene.instances.mesh[instance] as usize].shape else { return Picked::default() };
+    let local = shape.sample(u);
+    let m = scene.instances.world_from_local[instance].map(f64::from);
+    let along = |row: usize| DVec3::new(m[row * 4], m[row * 4 + 1], m[row * 4 + 2]).dot(local) + m[row * 4 + 3];
+    let mut radiance = light.radiance;
+    if light.texture != NONE {
+        *lookups += 1;
+        let texel = scene.textures.sample(light.texture, shape.uv(local));
+        (0..3).for_each(|i| radiance[i] *= texel[i]);
+    }
+    let piece = piece(&light.cofactors, shape.normal(local));
+    let stretch = piece.length();
+    Picked {
+        target: [0, 1, 2].map(|row| along(row) as f32),
+        error: light.error,
+        normal: (piece / stretch).as_vec3().to_array(),
+        radiance,
+        measure: (f64::from(light.area) * stretch) as f32,
+        pmf: 0.0,
+    }
+}
+
+/// The normal in the world, as long as a piece of a shape gets larger on its way there.
+fn piece(cofactors: &[f32; 9], normal: DVec3) -> DVec3 {
+    let row = |i: usize| DVec3::from_array([0, 1, 2].map(|k| f64::from(cofactors[3 * i + k]))).dot(normal);
+    DVec3::new(row(0), row(1), row(2))
+}
+
+/// As [`triangle_pdf`], of a shape.
+#[cold]
+pub fn shape_pdf(scene: &FlatScene, light_row: u32, hit: &Hit, direction: [f32; 3]) -> f32 {
+    let lights = &scene.lights;
+    let shape_row = light_row - lights.shape_row(0);
+    let light = lights.shapes.row(shape_row as usize);
+    let Some(shape) = scene.meshes[scene.instances.mesh[hit.instance as usize] as usize].shape else { return 0.0 };
+    let normal = shape.normal(shape.point(hit.triangle, hit.b1, hit.b2));
+    let facing = piece(&light.cofactors, normal).dot(DVec3::from_array(direction.map(f64::from)));
+    let solid_angle = (f64::from(light.area) * facing.abs()) as f32 / (hit.t * hit.t);
+    if solid_angle > 1e-30 { lights.choice.pmf(lights.first_shape() + shape_row) / solid_angle } else { 0.0 }
 }
 
 /// Density per sr with which [`sample`] draws the direction of a ray of unit direction that met an

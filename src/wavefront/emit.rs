@@ -58,7 +58,7 @@ fn scaled_by_texture(scene: &FlatScene, color: [f32; 3], slot: u32, hit: &Hit, l
     }
     *lookups += 1;
     let mesh = &scene.meshes[scene.instances.mesh[hit.instance as usize] as usize];
-    let vertices = mesh.triangles[hit.triangle as usize];
+    let vertices = mesh.vertices(hit.triangle);
     let uv = mesh.uv_at(scene.textures.slots.tex_coord[slot as usize], vertices, hit.b1, hit.b2);
     let texel = scene.textures.sample(slot, uv);
     std::array::from_fn(|i| color[i] * texel[i])
@@ -71,7 +71,9 @@ pub fn weight(scene: &FlatScene, pdf: f32, hit: &Hit, direction: [f32; 3]) -> f3
     if pdf == 0.0 || light == NONE {
         return 1.0;
     }
-    let n = scene.lights.triangles.n[light as usize];
+    let Some(n) = scene.lights.triangles.n.get(light as usize) else {
+        return mis::power(pdf, direct::shape_pdf(scene, light, hit, direction));
+    };
     let cos = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
     mis::power(pdf, direct::triangle_pdf(scene, light, hit.t, cos))
 }

@@ -56,7 +56,7 @@ pub fn layers(
                 LayerKind::Depth => [hits.t[i], 0.0, 0.0],
                 LayerKind::Uv => {
                     let mesh = &scene.meshes[scene.instances.mesh[hits.instance[i] as usize] as usize];
-                    let [u, v] = mesh.uv_at(0, mesh.triangles[hits.triangle[i] as usize], hits.b1[i], hits.b2[i]);
+                    let [u, v] = mesh.uv_at(0, mesh.vertices(hits.triangle[i]), hits.b1[i], hits.b2[i]);
                     [u, v, 0.0]
                 }
                 LayerKind::EntityId | LayerKind::MaterialId => {

@@ -44,6 +44,8 @@ mod schedule;
 mod stats;
 mod surface;
 mod tally;
+#[cfg(test)]
+mod tests;
 
 use self::{
     coverage::SceneCoverage,

@@ -2,7 +2,7 @@
 
 use crate::{
     bsdf::Params,
-    flat::{FlatScene, NONE, flags},
+    flat::{FlatMesh, FlatScene, NONE, flags},
     simd::{Frame, Mask, Real, Rgb, V3},
 };
 
@@ -123,6 +123,8 @@ struct Fetched {
     smooth: u32,
     /// Lanes with a transform.
     transformed: u32,
+    /// Lanes on a shape: their first corner is the point itself, their second the normal.
+    shaped: u32,
 }
 
 #[inline(always)]
@@ -137,11 +139,16 @@ fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
         any_transform: false,
         smooth: 0,
         transformed: 0,
+        shaped: 0,
     };
     for lane in 0..F::LANES {
         let instance = hits.instance[lane] as usize;
         let mesh = &*scene.meshes[scene.instances.mesh[instance] as usize];
-        let vertices = mesh.triangles[hits.triangle[lane] as usize];
+        f.transformed |= u32::from(scene.instances.identity[instance] == 0) << lane;
+        let Some(vertices) = mesh.triangles.get(hits.triangle[lane] as usize) else {
+            fetch_shape(&mut f, mesh, hits, lane);
+            continue;
+        };
         for (corner, &vertex) in vertices.iter().enumerate() {
             let p = mesh.positions[vertex as usize];
             (0..3).for_each(|axis| f.corners[corner][axis][lane] = p[axis]);
@@ -153,7 +160,6 @@ fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
                 (0..3).for_each(|axis| f.normals[corner][axis][lane] = n[axis]);
             }
         }
-        f.transformed |= u32::from(scene.instances.identity[instance] == 0) << lane;
     }
     (f.any_normals, f.any_transform) = (f.smooth != 0, f.transformed != 0);
     if f.any_transform {
@@ -167,6 +173,19 @@ fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
         }
     }
     f
+}
+
+/// Of a hit of a shape, whose numbers say where on it.
+#[cold]
+#[inline(never)]
+fn fetch_shape<F: Real>(f: &mut Fetched, mesh: &FlatMesh, hits: &Incoming<F>, lane: usize) {
+    let Some(shape) = mesh.shape else { return };
+    let p = shape.point(hits.triangle[lane], hits.b1.lane(lane), hits.b2.lane(lane));
+    let columns = [p, shape.normal(p)].map(|v| v.as_vec3().to_array());
+    for (corner, v) in columns.iter().enumerate() {
+        (0..3).for_each(|axis| f.corners[corner][axis][lane] = v[axis]);
+    }
+    f.shaped |= 1 << lane;
 }
 
 /// Flips a vector where `mask` holds.
@@ -206,8 +225,13 @@ pub fn interact<F: Real, const TEXTURED: bool>(
 ) -> Surface<F> {
     let f = fetch(scene, hits);
     let wo = -hits.direction;
-    let b0 = F::one() - hits.b1 - hits.b2;
-    let weigh = |a: V3<F>, b: V3<F>, c: V3<F>| c.scale_add(hits.b2, b.scale_add(hits.b1, a * b0));
+    let shaped = F::Mask::from_bits(f.shaped);
+    let (mut b1, mut b2) = (hits.b1, hits.b2);
+    if f.shaped != 0 {
+        (b1, b2) = (F::select(shaped, F::zero(), b1), F::select(shaped, F::zero(), b2));
+    }
+    let b0 = F::one() - b1 - b2;
+    let weigh = |a: V3<F>, b: V3<F>, c: V3<F>| c.scale_add(b2, b.scale_add(b1, a * b0));
     let corners: [V3<F>; 3] = std::array::from_fn(|i| vector(&f.corners[i]));
 
     // Position with its error (Pharr, Jakob, Humphreys 2023, section 6.8.4), here in local space.
@@ -219,6 +243,11 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     // A ray is tested against corners relative to its start. What they round by grows with the facet and not with
     // the point: on a plane through the origin the point's own error may well be zero.
     let mut extent = V3::new(e1.x.abs().max(e2.x.abs()), e1.y.abs().max(e2.y.abs()), e1.z.abs().max(e2.z.abs()));
+    if f.shaped != 0 {
+        // The test of a shape is exact beside the point's own error.
+        ng = V3::select(shaped, corners[1], ng);
+        extent = V3::select(shaped, V3::splat(0.0), extent);
+    }
     let mut world_corners = corners;
     let mut ns_raw = V3::splat(0.0);
     let mut world_normals = [V3::splat(0.0); 3];
@@ -348,7 +377,7 @@ fn textured<F: Real>(
     for lane in 0..F::LANES {
         let row = hits.material[lane] as usize;
         let mesh = &*scene.meshes[scene.instances.mesh[hits.instance[lane] as usize] as usize];
-        let vertices = mesh.triangles[hits.triangle[lane] as usize];
+        let vertices = mesh.vertices(hits.triangle[lane]);
         let (b1, b2) = (hits.b1.lane(lane), hits.b2.lane(lane));
         let mut sample = |slot: u32| {
             *lookups += 1;
@@ -377,15 +406,20 @@ fn textured<F: Real>(
         if materials.transmission_texture[row] != NONE {
             transmission[lane] = sample(materials.transmission_texture[row])[0];
         }
-        if materials.normal_texture[row] != NONE && !mesh.tangents.is_empty() {
+        if materials.normal_texture[row] != NONE && (!mesh.tangents.is_empty() || mesh.shape.is_some()) {
             let texel = sample(materials.normal_texture[row]);
             let scale = materials.normal_scale[row];
             map[0][lane] = (2.0 * texel[0] - 1.0) * scale;
             map[1][lane] = (2.0 * texel[1] - 1.0) * scale;
             map[2][lane] = 2.0 * texel[2] - 1.0;
-            let [a, b, c] = vertices.map(|vertex| mesh.tangents[vertex as usize]);
-            (0..3).for_each(|i| tangent[i][lane] = (1.0 - b1 - b2) * a[i] + b1 * b[i] + b2 * c[i]);
-            let sign = (1.0 - b1 - b2) * a[3] + b1 * b[3] + b2 * c[3];
+            let at = if let Some(shape) = mesh.shape {
+                shape.tangent(shape.point(hits.triangle[lane], b1, b2))
+            } else {
+                let [a, b, c] = vertices.map(|vertex| mesh.tangents[vertex as usize]);
+                std::array::from_fn(|i| (1.0 - b1 - b2) * a[i] + b1 * b[i] + b2 * c[i])
+            };
+            (0..3).for_each(|i| tangent[i][lane] = at[i]);
+            let sign = at[3];
             handed[lane] = if sign < 0.0 { -1.0 } else { 1.0 };
             mapped |= 1 << lane;
         }

@@ -10,6 +10,7 @@ mod emitter;
 pub mod generated;
 mod geometry;
 mod material;
+mod shape;
 mod texture;
 mod transform;
 pub mod units;
@@ -18,11 +19,13 @@ use std::{collections::HashMap, sync::Arc};
 
 use hecs::{DynamicBundle, Entity, World};
 
+pub(crate) use self::shape::cofactors;
 pub use self::{
     camera::{Camera, Environment, EnvironmentMap, Projection, Sky},
     emitter::{DirectionalLight, EmissiveSurface, PointLight, SpotLight},
     geometry::{Geometry, MaterialSlots, TriMesh},
     material::{AlphaMode, Material},
+    shape::Shape,
     texture::{Filter, Image, Texels, Texture, UvTransform, Wrap},
     transform::{LocalTransform, Parent, Visibility, WorldTransform, WorldVisibility},
 };

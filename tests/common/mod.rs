@@ -7,17 +7,24 @@ use std::{
     sync::Arc,
 };
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use wavecast::{
     load::{self, LoadOptions},
     render::{PixelFilter, RenderSettings, Rendered, Renderer},
-    world::{Camera, Geometry, LocalTransform, Material, MaterialSlots, Scene, SceneKey, TriMesh},
+    world::{Camera, Geometry, LocalTransform, Material, MaterialSlots, Scene, SceneKey, Shape, TriMesh},
 };
 
 /// Adds a mesh of one material; returns the keys of the entity and of the material.
 pub fn show(scene: &mut Scene, mesh: TriMesh, material: Material) -> (SceneKey, SceneKey) {
     let material = scene.spawn((material,));
     let entity = scene.spawn((Geometry(Arc::new(mesh)), MaterialSlots::from(material)));
+    (entity, material)
+}
+
+/// Adds a shape of one material; returns the keys of the entity and of the material.
+pub fn show_shape(scene: &mut Scene, shape: Shape, material: Material, place: DAffine3) -> (SceneKey, SceneKey) {
+    let material = scene.spawn((material,));
+    let entity = scene.spawn((shape, MaterialSlots::from(material), LocalTransform::Matrix(place)));
     (entity, material)
 }
 

@@ -172,6 +172,16 @@ fn unlit_surfaces_and_vertex_colors_are_shown_where_there_are_some() {
 }
 
 #[test]
+fn shapes_are_needed_where_one_is_visible() {
+    let mut scene = plain();
+    let ball = scene.spawn((wavecast::world::Shape::Sphere { radius: 0.5 },));
+    assert!(run(&mut scene).0.has(SceneNeeds::SHAPES));
+    scene.insert(ball, wavecast::world::Visibility(false));
+    let (needs, _) = run(&mut scene);
+    assert!(!needs.has(SceneNeeds::SHAPES) && needs == run(&mut plain()).0);
+}
+
+#[test]
 fn instancing_is_needed_for_more_than_one_thing_or_a_moved_one() {
     let (needs, _) = run(&mut plain());
     assert!(!needs.has(SceneNeeds::INSTANCING));

@@ -7,7 +7,7 @@ use wavecast::{
     render::{AccelKind, Quality, Renderer},
     world::{
         AlphaMode, Camera, EmissiveSurface, Environment, Geometry, LocalTransform, Material, MaterialSlots, Parent,
-        PointLight, Scene, SceneKey, TriMesh, Visibility, units::Candela,
+        PointLight, Scene, SceneKey, Shape, TriMesh, Visibility, units::Candela,
     },
 };
 
@@ -71,7 +71,7 @@ fn copy(scene: &Scene) -> Scene {
         macro_rules! carry {
             ($($component:ty),*) => { $(if let Some(c) = scene.get::<$component>(key) { copy.insert(made, c); })* };
         }
-        carry!(LocalTransform, Geometry, Material, PointLight, Environment, Camera, Visibility, EmissiveSurface);
+        carry!(LocalTransform, Geometry, Shape, Material, PointLight, Environment, Camera, Visibility, EmissiveSurface);
         if let Some(Parent(parent)) = scene.get::<Parent>(key) {
             copy.insert(made, Parent(new_key(parent, &keys)));
         }
@@ -102,6 +102,54 @@ fn writing_the_same_value_rebuilds_nothing() {
         },
         &[],
     );
+}
+
+/// A ball in place of the mesh, and what such an edit rebuilds.
+fn with_ball(stage: &mut Stage) {
+    let entity = stage.scene.entity(stage.object).unwrap();
+    stage.scene.world_mut().exchange_one::<Geometry, _>(entity, Shape::Sphere { radius: 1.2 }).unwrap();
+}
+
+#[test]
+fn a_shape_may_be_put_in_replaced_and_removed() {
+    const ALL: [&str; 4] = ["geometry", "textures", "materials", "instances"];
+    check_edit(with_ball, &ALL);
+    // One after the other on the same renderer: each gives the picture of a fresh load.
+    let ball = |s: &mut Stage, radius: f32| {
+        let entity = s.scene.entity(s.object).unwrap();
+        *s.scene.world_mut().get::<&mut Shape>(entity).unwrap() = Shape::Sphere { radius };
+    };
+    let resized = |s: &mut Stage| {
+        with_ball(s);
+        s.renderer.sync(&mut s.scene);
+        ball(s, 0.6);
+    };
+    check_edit(resized, &ALL);
+    let same = |s: &mut Stage| {
+        with_ball(s);
+        s.renderer.sync(&mut s.scene);
+        ball(s, 1.2);
+    };
+    check_edit(same, &[]);
+    let removed = |s: &mut Stage| {
+        with_ball(s);
+        s.renderer.sync(&mut s.scene);
+        let entity = s.scene.entity(s.object).unwrap();
+        s.scene.world_mut().remove_one::<Shape>(entity).unwrap();
+    };
+    check_edit(removed, &ALL);
+    let despawned = |s: &mut Stage| {
+        with_ball(s);
+        s.renderer.sync(&mut s.scene);
+        assert!(s.scene.despawn(s.object));
+    };
+    check_edit(despawned, &[&["transforms"], &ALL[..]].concat());
+    let shining = |s: &mut Stage| {
+        with_ball(s);
+        s.renderer.sync(&mut s.scene);
+        s.scene.insert(s.object, EmissiveSurface { radiance: Vec3::splat(3.0) });
+    };
+    check_edit(shining, &["textures", "materials", "lights"]);
 }
 
 #[test]

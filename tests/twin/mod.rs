@@ -138,7 +138,7 @@ impl Comparison {
 }
 
 /// Comparisons in this file, whose means are tested as one family.
-const SCENES: usize = 27;
+const SCENES: usize = 28;
 
 /// Writes the pictures of a failed comparison and says where.
 fn write_failure(name: &str, size: (u32, u32), got: &Estimate, want: &Estimate, comparison: &Comparison) -> String {
@@ -236,6 +236,11 @@ fn twins_agree_on_rough_solids_that_absorb() {
 #[test]
 fn twins_agree_on_clear_solids_that_absorb() {
     check_twins("clear-solids", &mut scenes::clear_solids(), &scenes::settings(), 1024, RESOLUTION);
+}
+
+#[test]
+fn twins_agree_on_shapes() {
+    check_twins("shapes", &mut crate::shapes::varied(), &scenes::settings(), 1024, 3.0 * RESOLUTION);
 }
 
 #[test]

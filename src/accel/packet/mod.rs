@@ -27,7 +27,7 @@ use super::{
     queue::{self, COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
     structure::Counters,
     triangle::{Axis, Leaf, Met, NO_ROW, QUAD, Ray, Sheared, Side, TriangleBlock, TriangleQuad},
-    two_level::{Accel, Hit, Part, nearest_in},
+    two_level::{Accel, Hit, Part, SHAPE, nearest_in},
 };
 use crate::simd::{LANES, prefetch};
 
@@ -413,23 +413,33 @@ impl Packet {
         counters: &mut impl Counters,
     ) {
         let accel = world.accel;
+        if !accel.unbounded.is_empty() {
+            for eight in &mut self.eights {
+                eight.one_by_one(255, |ray, t_max, best, id| {
+                    accel.meet_unbounded(ray, t_max, best, id, world.coverage);
+                });
+            }
+            self.shorten();
+        }
         let Some(root) = accel.tree.root else { return };
         self.walk(accel.tree.arena.granules(), root, top, counters, |this, reference, active, counters| {
-            let part = accel.parts[(reference & !KIND) as usize];
+            let part = accel.parts[(reference & !SHAPE) as usize];
             let instance = &accel.instances[part.instance as usize];
-            if instance.identity {
+            if instance.identity && !instance.blas.is_shape() {
                 this.enter(world, part, active, mesh, counters);
                 return;
             }
             let rays: u32 = active.iter().map(|eight| (eight.to_bitmask() & 255).count_ones()).sum();
-            if rays >= FEW && this.to_local(&instance.local_from_world, local) {
+            if rays >= FEW && !instance.blas.is_shape() && this.to_local(&instance.local_from_world, local) {
                 local.enter(world, part, active, mesh, counters);
                 for (eight, local) in this.eights.iter_mut().zip(&local.eights) {
                     eight.hits = local.hits;
                 }
             } else {
                 for (eight, &active) in this.eights.iter_mut().zip(active) {
-                    eight.follow(world, part, active.to_bitmask() & 255, alone);
+                    eight.one_by_one(active.to_bitmask() & 255, |ray, t_max, best, id| {
+                        nearest_in(accel, instance, part, ray, t_max, best, id, world.coverage, alone);
+                    });
                 }
             }
             this.shorten();
@@ -483,16 +493,9 @@ impl Packet {
 }
 
 impl Eight {
-    /// Goes through a part of an instance with the rays in `lanes`, one by one.
+    /// Calls `meet` for the rays in `lanes`, one by one, with where each ends, what it has hit, and its name.
     #[cold]
-    fn follow<C: Coverage>(
-        &mut self,
-        &World { accel, coverage }: &World<C>,
-        part: Part,
-        mut lanes: u32,
-        stack: &mut bvh8::Stack,
-    ) {
-        let instance = &accel.instances[part.instance as usize];
+    fn one_by_one(&mut self, mut lanes: u32, mut meet: impl FnMut(&Ray, &mut f32, &mut Hit, u32)) {
         let [origin, direction] = [self.origin, self.direction].map(|of| of.map(f32x8::to_array));
         let mut hits = self.hits.each();
         let mut t_max = self.hits.t_max.to_array();
@@ -500,8 +503,7 @@ impl Eight {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
             let ray = Ray::new(origin.map(|of| of[lane]), direction.map(|of| of[lane]));
-            let (t_max, best, id) = (&mut t_max[lane], &mut hits[lane], self.ids[lane]);
-            nearest_in(accel, instance, part, &ray, t_max, best, id, coverage, stack);
+            meet(&ray, &mut t_max[lane], &mut hits[lane], self.ids[lane]);
         }
         self.hits = Hits::of(t_max, &hits);
     }

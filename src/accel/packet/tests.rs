@@ -8,6 +8,7 @@ use super::{
     },
     *,
 };
+use crate::world::Shape;
 
 /// Rays from a point through tiles of 8×8 pixels, as a camera that looks at [0, 5]³ has them.
 fn tiles(eye: [f32; 3], tiles: usize, t_max: f32) -> Vec<queue::Segment> {
@@ -59,6 +60,7 @@ fn scenes() -> Vec<Accel> {
     let few = Arc::new(Blas::build(&few));
     let many = sieved(&triangles(3000));
     let empty = Arc::new(Blas::build(&[]));
+    let shapes = [Shape::Sphere { radius: 4.0 }, Shape::Plane, Shape::Cylinder { radius: 1.0, half_height: 5.0 }];
     let small = |i: usize| placed(if i.is_multiple_of(3) { &few } else { &many }, 0.3, i as f32 * 0.05);
     let scenes = [
         vec![placed(&many, 1.0, 0.0)],
@@ -68,6 +70,11 @@ fn scenes() -> Vec<Accel> {
         vec![placed(&few, 1.0, 0.0), placed(&many, 0.5, 1.0), turned(&many), placed(&many, -1.0, 5.0)],
         (0..100).map(small).collect(),
         Vec::new(),
+        shapes
+            .map(|shape| turned(&Arc::new(Blas::of_shape(shape))))
+            .into_iter()
+            .chain([placed(&many, 1.0, 0.0)])
+            .collect(),
     ];
     scenes.into_iter().map(Accel::build).collect()
 }

@@ -151,6 +151,7 @@ impl TestScene {
             colors: mesh.colors.iter().map(|c| c.to_array()).collect(),
             slots: mesh.slots,
             slot_count: 1,
+            shape: None,
             blas: Arc::default(),
         }));
         instance

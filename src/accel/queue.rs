@@ -423,10 +423,16 @@ impl<'a> Slot<'a> {
         self.pop::<ANY>()
     }
 
+    /// The leaf that is next.
+    #[inline(always)]
+    fn leaf<L: Leaf>(&self) -> &'a L {
+        L::at(self.arena, self.current & !(KIND | QUAD))
+    }
+
     /// Tests a leaf's triangles.
     #[inline(always)]
     fn test<const ANY: bool, C: Coverage, L: Leaf>(&mut self, accel: &Accel, coverage: &C) -> usize {
-        let block = L::at(self.arena, self.current & !(KIND | QUAD));
+        let block = self.leaf::<L>();
         if ANY {
             let (hit, asked) = if C::TRIVIAL {
                 (block.any(&self.ray, self.t_max), false)
@@ -528,16 +534,19 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
     while under_way > 0 {
         drain!(0, |slot| {
             counters.node();
+            counters.lanes(|| Node::at(slot.arena, slot.current).boxes().count());
             slot.descend::<ANY>()
         });
         drain!(POP, |slot| slot.pop::<ANY>());
         drain!((LEAF >> 29) as usize, |slot| {
             counters.triangles(LANES);
+            counters.lanes(|| slot.leaf::<TriangleBlock>().count());
             let kind = slot.test::<ANY, C, TriangleBlock>(accel, coverage);
             slot.leave_if_told::<ANY>(kind, accel)
         });
         drain!(((LEAF | QUAD) >> 29) as usize, |slot| {
             counters.triangles(LANES);
+            counters.lanes(|| slot.leaf::<TriangleQuad>().count());
             let kind = slot.test::<ANY, C, TriangleQuad>(accel, coverage);
             slot.leave_if_told::<ANY>(kind, accel)
         });

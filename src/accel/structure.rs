@@ -4,6 +4,7 @@
 //! twin, so that all structures give the same hits, bit for bit.
 
 use super::{Ray, TriangleHit};
+use crate::simd::LANES;
 
 /// What a ray meets first in one mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +67,9 @@ pub trait Counters {
     fn node(&mut self);
     /// So many triangles were tested.
     fn triangles(&mut self, count: usize);
+    /// A test of eight at once had so many to test; asked for only if it counts.
+    #[inline(always)]
+    fn lanes(&mut self, _used: impl FnOnce() -> usize) {}
 }
 
 impl Counters for () {
@@ -82,6 +86,11 @@ pub struct Work {
     pub nodes: u64,
     /// Triangles tested.
     pub triangles: u64,
+    /// Lanes of all tests of eight at once, and those of them that had something to test; of structures that do not test
+    /// eight at once, none.
+    pub lanes: u64,
+    /// See `lanes`.
+    pub used_lanes: u64,
 }
 
 impl Counters for Work {
@@ -90,6 +99,10 @@ impl Counters for Work {
     }
     fn triangles(&mut self, count: usize) {
         self.triangles += count as u64;
+    }
+    fn lanes(&mut self, used: impl FnOnce() -> usize) {
+        self.lanes += LANES as u64;
+        self.used_lanes += used() as u64;
     }
 }
 

@@ -215,6 +215,11 @@ pub trait Leaf: Sized {
         self.marked_row(lane) & ROW
     }
 
+    /// Triangles in it.
+    fn count(&self) -> usize {
+        (0..Self::MOST).take_while(|&lane| self.row(lane) != NO_ROW).count()
+    }
+
     /// The row, with what is known of the triangle's opacity.
     fn marked_row(&self, lane: usize) -> u32;
 

@@ -44,7 +44,7 @@ impl AccelArgs {
     }
 
     fn quality(&self) -> QualityArg {
-        self.build_quality.unwrap_or(QualityArg::Good)
+        self.build_quality.unwrap_or_default()
     }
 
     /// What became of it, in a scene whose meshes took `build_time`.
@@ -87,9 +87,10 @@ enum AccelArg {
 }
 
 /// `--build-quality`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum QualityArg {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum QualityArg {
     Fast,
+    #[default]
     Good,
     Best,
 }

@@ -313,6 +313,7 @@ impl Packet {
         loop {
             counters.node();
             let node = Node::at(arena, current);
+            counters.lanes(|| node.boxes().count());
             let (near, far) = self.distances(node);
             let met = near.simd_le(far);
             let mask = met.to_bitmask() as usize & 255;
@@ -380,6 +381,7 @@ impl Packet {
                     break;
                 }
                 counters.triangles(LANES);
+                counters.lanes(|| (active.to_bitmask() & 255).count_ones() as usize);
                 let at = |corner: usize, axis: Axis| f32x8::splat(block.coordinate(corner, axis.number(), lane));
                 let edges = eight.sheared.edges(at);
                 if (edges.inside & active).to_bitmask() & 255 == 0 {

@@ -5,6 +5,8 @@ use std::{fs, path::Path, time::Instant};
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde_json::{Value, json};
 
+use wavecast::accel::Quality;
+
 use super::{
     Args, builds,
     contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
@@ -50,7 +52,14 @@ impl Settings {
         let (peers, peers_are) = peers(args)?;
         let runs = runs(args, peers_are.is_some());
         let scaling = if args.scaling.is_empty() { vec![1] } else { args.scaling.iter().map(|n| n.get()).collect() };
-        Ok(Self { chosen: chosen(&args.accel)?, peers, peers_are, runs, rays: args.rays, scaling })
+        Ok(Self {
+            chosen: chosen(&args.accel, args.build_quality.unwrap_or_default().into())?,
+            peers,
+            peers_are,
+            runs,
+            rays: args.rays,
+            scaling,
+        })
     }
 }
 
@@ -143,7 +152,7 @@ pub fn measure(
     console: &Console,
 ) -> Result<Vec<Row>, CliError> {
     let triangles = &subject.triangles;
-    let batches = batches(&subject.view, triangles, &Waves::build(triangles).accel, settings.rays);
+    let batches = batches(&subject.view, triangles, &Waves::build(triangles, Quality::Good).accel, settings.rays);
     let mut built = Vec::new();
     for (name, build) in chosen {
         console.note(format!("{}: building {name} over {} triangles", subject.name, triangles.len()));
@@ -175,6 +184,9 @@ pub fn measure(
                     build_seconds: one.seconds,
                     bytes: one.structure.bytes(),
                     references: one.structure.references(),
+                    lane_fill: work
+                        .filter(|work| work.lanes > 0)
+                        .map(|work| work.used_lanes as f64 / work.lanes as f64),
                     nodes_per_ray: work.map(|work| work.nodes as f64 / count as f64),
                     triangles_per_ray: work.map(|work| work.triangles as f64 / count as f64),
                     checked: truth.known(),

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use wavecast::accel::{
-    Accel, Blas, Brute, Bsp, Bvh2, Cell, Counters, Grid, Hit, InstanceRef, KdTree, Nearest, Obb, Octree, Ray, RayList,
-    SideBySide, Solid, Structure, Work,
+    Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Cell, Counters, Grid, Hit, InstanceRef, KdTree, Nearest, Obb, Octree,
+    Quality, Ray, RayList, SideBySide, Solid, Structure, Work,
 };
 
 use super::rays::{Corners, OneRay};
@@ -118,8 +118,8 @@ pub struct Waves {
 
 impl Waves {
     /// Over triangles.
-    pub fn build(triangles: &[Corners]) -> Self {
-        let blas = Blas::build(triangles);
+    pub fn build(triangles: &[Corners], quality: Quality) -> Self {
+        let blas = Blas::build_as(AccelKind::Bvh8(quality), triangles);
         let references = blas.references();
         let only = InstanceRef::unmoved(Arc::new(blas));
         Self { accel: Accel::build(vec![only]), references }
@@ -179,10 +179,19 @@ fn single<S: Structure + Send + Sync + 'static>() -> Choice {
     (S::NAME, |triangles| Box::new(Single(S::build(triangles))))
 }
 
+fn waves(quality: Quality) -> Choice {
+    let build: Build = match quality {
+        Quality::Fast => |triangles| Box::new(Waves::build(triangles, Quality::Fast)),
+        Quality::Good => |triangles| Box::new(Waves::build(triangles, Quality::Good)),
+        Quality::Best => |triangles| Box::new(Waves::build(triangles, Quality::Best)),
+    };
+    (Blas::NAME, build)
+}
+
 /// All structures by name, the one that renders first.
 pub fn structures() -> [Choice; 8] {
     [
-        (Blas::NAME, |triangles| Box::new(Waves::build(triangles))),
+        waves(Quality::Good),
         single::<Bvh2>(),
         single::<Obb>(),
         single::<KdTree>(),
@@ -193,9 +202,10 @@ pub fn structures() -> [Choice; 8] {
     ]
 }
 
-/// Those asked for; if none are, all but brute force.
-pub fn chosen(names: &[String]) -> Result<Vec<Choice>, CliError> {
-    let all = structures();
+/// Those asked for; if none are, all but brute force. The first is built in a quality.
+pub fn chosen(names: &[String], quality: Quality) -> Result<Vec<Choice>, CliError> {
+    let mut all = structures();
+    all[0] = waves(quality);
     if names.is_empty() {
         return Ok(all.into_iter().filter(|(name, _)| *name != Brute::NAME).collect());
     }

@@ -27,6 +27,7 @@ use super::{
     args::{self, EnvArg, Size},
     console::Console,
     error::CliError,
+    structure::QualityArg,
 };
 
 /// Measure parts of the program on this machine
@@ -59,6 +60,9 @@ pub struct Args {
     /// Structures, by name [default: all but brute force, which is what the others are checked against]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     accel: Vec<String>,
+    /// accel: time given to building bvh8; --builds measures all [default: good]
+    #[arg(long, value_name = "QUALITY", value_enum, conflicts_with = "builds")]
+    build_quality: Option<QualityArg>,
     /// accel: rays of each kind; fewer where most leave the scene. kernels: rays at vertices and rays at edges, for each
     /// structure and place
     #[arg(long, value_name = "N", default_value_t = 65_536, value_parser = clap::value_parser!(u32).range(64..))]

@@ -42,6 +42,8 @@ pub struct Row {
     pub references: Option<usize>,
     pub nodes_per_ray: Option<f64>,
     pub triangles_per_ray: Option<f64>,
+    /// Part of the lanes of tests of eight at once that had a box, triangle or ray to test.
+    pub lane_fill: Option<f64>,
     pub checked: usize,
     pub mismatches: usize,
     /// Rays per second over those of [`PEERS`], by run.
@@ -67,6 +69,7 @@ impl Row {
             ("references", json!(self.references)),
             ("nodes_per_ray", json!(self.nodes_per_ray)),
             ("triangles_per_ray", json!(self.triangles_per_ray)),
+            ("lane_fill", json!(self.lane_fill)),
             ("checked", json!(self.checked)),
             ("mismatches", json!(self.mismatches)),
         ];
@@ -110,8 +113,17 @@ pub fn table(rows: &[Row]) -> String {
             let _ = writeln!(text, "{}: {} triangles, {threads}", row.scene, row.triangles);
             let _ = write!(
                 text,
-                "{:8} {:15} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>10}",
-                "rays", "accel", "Mrays/s", "build s", "bytes/tri", "refs/tri", "nodes/ray", "tris/ray", "mismatches"
+                "{:8} {:15} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>6} {:>10}",
+                "rays",
+                "accel",
+                "Mrays/s",
+                "build s",
+                "bytes/tri",
+                "refs/tri",
+                "nodes/ray",
+                "tris/ray",
+                "lanes",
+                "mismatches"
             );
             if compared {
                 let _ = write!(text, " {:>18} {:>18} {:>18}", "over Embree fast", "over robust", "over packets");
@@ -122,7 +134,7 @@ pub fn table(rows: &[Row]) -> String {
         let known = |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
         let _ = write!(
             text,
-            "{:8} {:15} {:9.3} {:8.3} {:9.1} {:>9} {:>9} {:>9} {:>10}",
+            "{:8} {:15} {:9.3} {:8.3} {:9.1} {:>9} {:>9} {:>9} {:>6} {:>10}",
             row.rays,
             row.accel,
             row.mrays_per_second.median,
@@ -131,6 +143,7 @@ pub fn table(rows: &[Row]) -> String {
             known(row.references.map(per_triangle), 2),
             known(row.nodes_per_ray, 1),
             known(row.triangles_per_ray, 1),
+            row.lane_fill.map_or("-".to_owned(), |fill| format!("{:.0} %", 100.0 * fill)),
             format!("{}/{}", row.mismatches, row.checked)
         );
         if compared {
@@ -154,9 +167,9 @@ pub fn markdown(rows: &[Row], compared_with: Option<&str>) -> String {
         let _ = writeln!(text, "{}: {} triangles, threads: {}\n", first.scene, first.triangles, first.threads);
         let _ = writeln!(
             text,
-            "| structure | {} | build s | bytes/tri | refs/tri | nodes/ray | tris/ray | mismatches |\n|---|{}",
+            "| structure | {} | build s | bytes/tri | refs/tri | nodes/ray | tris/ray | lanes | mismatches |\n|---|{}",
             kinds.join(" | "),
-            "---|".repeat(kinds.len() + 6)
+            "---|".repeat(kinds.len() + 7)
         );
         for row in part.iter().filter(|row| row.rays == kinds[0]) {
             let all: Vec<&Row> = part.iter().filter(|other| other.accel == row.accel).collect();
@@ -171,9 +184,13 @@ pub fn markdown(rows: &[Row], compared_with: Option<&str>) -> String {
                 let sum: Option<f64> = all.iter().map(|row| Some(of(row)? * row.count as f64)).sum();
                 sum.map_or("–".into(), |sum| format!("{:.1}", sum / count as f64))
             };
+            let percent = |all: &[&Row]| -> String {
+                let sum: Option<f64> = all.iter().map(|row| Some(row.lane_fill? * row.count as f64)).sum();
+                sum.map_or("–".into(), |sum| format!("{:.0} %", 100.0 * sum / count as f64))
+            };
             let _ = writeln!(
                 text,
-                "| {} | {} | {:.2} | {:.0} | {} | {} | {} | {} |",
+                "| {} | {} | {:.2} | {:.0} | {} | {} | {} | {} | {} |",
                 row.accel,
                 speeds.join(" | "),
                 row.build_seconds,
@@ -181,6 +198,7 @@ pub fn markdown(rows: &[Row], compared_with: Option<&str>) -> String {
                 row.references.map_or("–".into(), |references| format!("{:.2}", per_triangle(references))),
                 mean(|row| row.nodes_per_ray),
                 mean(|row| row.triangles_per_ray),
+                percent(&all),
                 all.iter().map(|row| row.mismatches).sum::<usize>()
             );
         }

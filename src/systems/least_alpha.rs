@@ -69,6 +69,9 @@ impl LeastAlpha {
     /// Not more than any alpha, 0 to 1, that a look into a slot of this image gives inside a triangle of these texture
     /// coordinates.
     pub fn over(&self, textures: &Textures, slot: u32, uvs: [[f32; 2]; 3]) -> f32 {
+        if uvs.iter().flatten().any(|coordinate| !coordinate.is_finite()) {
+            return 0.0;
+        }
         let (row, slots) = (slot as usize, &textures.slots);
         let m = slots.transform[row].map(f64::from);
         let along = |first: usize, size: u32, wrap: u8| -> Option<Vec<[u32; 2]>> {

@@ -306,3 +306,31 @@ fn shapes_alone_are_a_scene() {
     let looking_down = Wave(vec![([50.0, 3.0, 50.0], [0.0, -1.0, 0.0], f32::INFINITY)]);
     of(&[&ball, &floor]).nearest_of(&looking_down, &Solid, |_, hit| assert_eq!((hit.t, hit.instance), (2.0, 1)));
 }
+
+/// A disc in the plane of two merged meshes: whichever instance comes first is hit, in a wave and alone, bit for bit.
+#[test]
+fn at_equal_distance_the_earlier_instance_is_hit_whether_shape_or_mesh() {
+    let disc = Arc::new(Blas::of_shape(Shape::Disc { radius: 4.0 }));
+    let mesh = |x: f32| Arc::new(Blas::build(&[[[x, 0.0, -3.0], [x, 0.0, 3.0], [x + 2.0, 0.0, 0.0]]]));
+    let [left, right] = [-2.0, 0.0].map(mesh);
+    let mut u = numbers(3);
+    let down = (0..500).map(|_| ([4.0 * u() - 2.0, 3.0, 2.0 * u() - 1.0], [0.0, -1.0, 0.0], f32::INFINITY));
+    let wave = Wave(down.collect());
+    for order in [[&disc, &left, &right], [&left, &disc, &right], [&left, &right, &disc]] {
+        let accel = Accel::build(order.map(|blas| InstanceRef::unmoved(Arc::clone(blas))).to_vec());
+        assert!(accel.merged.holds(usize::from(Arc::ptr_eq(order[0], &disc))), "the meshes are merged");
+        let one_by_one = order.map(|blas| Accel::build(vec![InstanceRef::unmoved(Arc::clone(blas))]));
+        let mut ties = 0;
+        accel.nearest_of(&wave, &Solid, |index, hit| {
+            let (origin, direction, t_max) = wave.0[index];
+            let ask = |accel: &Accel| accel.nearest(origin, direction, t_max, 0, &Solid, &mut Stacks::default());
+            assert_eq!(*hit, ask(&accel));
+            let distances: [f32; 3] = std::array::from_fn(|row| ask(&one_by_one[row]).t);
+            let least = distances.into_iter().fold(f32::INFINITY, f32::min);
+            ties += usize::from(distances.iter().filter(|t| **t == least).count() > 1);
+            let want = distances.iter().position(|t| *t == least).unwrap();
+            assert_eq!((hit.instance, hit.t), (want as u32, least));
+        });
+        assert!(ties > 100, "{ties}");
+    }
+}

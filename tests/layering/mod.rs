@@ -105,14 +105,14 @@ fn the_reference_shares_the_tables_and_nothing_else() {
 }
 
 /// Those that have a reason, and give it: a prefetch, and the functions of a foreign library, in builds that ask for it.
-const UNSAFE: [&str; 2] = ["simd/prefetch.rs", "cli/bench/embree.rs"];
+const UNSAFE: [&str; 2] = ["simd/prefetch.rs", "cli/bench/embree/"];
 
 #[test]
 fn unsafe_code_appears_in_two_places() {
     for (path, text) in ALL.iter().flat_map(|module| sources(module)) {
         for word in ["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code)"] {
             let found = code_lines(&text).any(|line| line.contains(word));
-            assert!(!found || UNSAFE.iter().any(|place| path.ends_with(place)), "{path} uses {word}");
+            assert!(!found || UNSAFE.iter().any(|place| path.contains(place)), "{path} uses {word}");
         }
         let reasoned = text.matches("unsafe {").count() + text.matches("unsafe impl").count();
         assert_eq!(reasoned, text.matches("// SAFETY: ").count(), "{path}");

@@ -112,7 +112,7 @@ fn with_ball(stage: &mut Stage) {
 
 #[test]
 fn a_shape_may_be_put_in_replaced_and_removed() {
-    const ALL: [&str; 4] = ["geometry", "textures", "materials", "instances"];
+    const ALL: [&str; 4] = ["textures", "materials", "geometry", "instances"];
     check_edit(with_ball, &ALL);
     // One after the other on the same renderer: each gives the picture of a fresh load.
     let ball = |s: &mut Stage, radius: f32| {
@@ -172,11 +172,11 @@ fn a_material_that_begins_to_emit_rebuilds_the_lights() {
 
 /// What is known of triangles lies in their trees, which are written to again.
 #[test]
-fn a_surface_that_gets_a_back_or_becomes_a_veil_is_told_to_the_trees() {
+fn a_surface_that_loses_its_back_or_becomes_a_veil_is_told_to_the_trees() {
     let all = ["textures", "materials", "opacity", "instances"];
     let paint = |s: &mut Stage, material: Material| assert!(s.scene.insert(s.paint, material));
-    let solid = Material { double_sided: true, ..Material::default() };
-    check_edit(|s| paint(s, solid.clone()), &all);
+    let [solid, backless] = [true, false].map(|double_sided| Material { double_sided, ..Material::default() });
+    check_edit(|s| paint(s, backless.clone()), &all);
     let veil = Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.5, ..Material::default() };
     check_edit(|s| paint(s, veil.clone()), &all);
     // And back, and with another entity that shows the same mesh otherwise.
@@ -187,11 +187,11 @@ fn a_surface_that_gets_a_back_or_becomes_a_veil_is_told_to_the_trees() {
             s.renderer.sync(&mut s.scene);
             paint(s, solid.clone());
             s.renderer.sync(&mut s.scene);
-            let backless = s.scene.spawn((Material::default(),));
+            let backless = s.scene.spawn((backless.clone(),));
             let place = LocalTransform::from_translation(DVec3::X);
             s.scene.spawn((mesh, MaterialSlots::from(backless), place));
         },
-        &["textures", "materials", "geometry", "instances"],
+        &["transforms", "textures", "materials", "geometry", "instances"],
     );
 }
 

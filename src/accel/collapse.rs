@@ -22,7 +22,7 @@ use wide::{f32x8, u32x8};
 use super::{
     arena::{Arena, Granule},
     bvh8::NODE,
-    triangle::{Leaf, QUAD, TriangleQuad},
+    leaf::{Leaf, QUAD, TriangleQuad},
 };
 use crate::simd::{LANES, prefetch};
 

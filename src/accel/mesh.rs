@@ -14,10 +14,11 @@ use super::{
     binary::{SHARE, union},
     bvh8::{Bvh8, KIND, LEAF, Node, Quality, Stack},
     collapse::Leaves,
+    leaf::Block,
     opacity::{Opacity, ROW},
     shape::Formula,
     space::{Bounds, blurred, covered},
-    triangle::{Block, has_area},
+    triangle::has_area,
 };
 use crate::{
     simd::{LANES, prefetch},

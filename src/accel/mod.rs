@@ -28,6 +28,7 @@ mod collapse;
 mod family;
 mod grid;
 mod kdtree;
+mod leaf;
 mod merge;
 mod mesh;
 mod obb;
@@ -55,6 +56,7 @@ pub use self::{
     bvh8::Quality,
     grid::Grid,
     kdtree::KdTree,
+    leaf::{Leaf, NO_ROW, TriangleBlock, TriangleQuad},
     mesh::{AccelKind, Blas},
     obb::Obb,
     octree::Octree,
@@ -62,7 +64,7 @@ pub use self::{
     queue::{RayList, Rays, Segment, SideBySide},
     shape::ShapeHit,
     structure::{Cell, Counters, Nearest, Shape, Structure, Work},
-    triangle::{Leaf, NO_ROW, Ray, TriangleBlock, TriangleHit, TriangleQuad, intersect},
+    triangle::{Ray, TriangleHit, intersect},
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
 };
 

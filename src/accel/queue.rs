@@ -15,9 +15,10 @@ use super::{
     Coverage,
     arena::Granule,
     bvh8::{BEYOND, FAR_SCALE, INSTANCE, KIND, LEAF, Node},
+    leaf::{Leaf, QUAD, TriangleBlock, TriangleQuad},
     opacity::Opacity,
     structure::Counters,
-    triangle::{Leaf, QUAD, Ray, TriangleBlock, TriangleQuad},
+    triangle::Ray,
     two_level::{Accel, Hit, NO_HIT, SHAPE, hit_of, is_there, to_local},
 };
 use crate::{

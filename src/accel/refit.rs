@@ -10,7 +10,7 @@ use super::{
     arena::Granule,
     bvh8::{Bvh8, KIND, NODE},
     collapse::leaf_cost,
-    triangle::{Block, QUAD},
+    leaf::{Block, QUAD},
 };
 use crate::simd::LANES;
 

@@ -9,13 +9,14 @@ use super::{
     Blas, Coverage, Rays,
     bvh8::{Bvh8, INSTANCE, Quality, Stack},
     collapse::References,
+    leaf::{Block, BlockHit, QUAD},
     merge::Merged,
     mesh::Other,
     opacity::Opacity,
     open::{open, world_bounds},
     packet, queue,
     structure::{Counters, Nearest},
-    triangle::{Block, BlockHit, QUAD, Ray, TriangleHit},
+    triangle::{Ray, TriangleHit},
 };
 use crate::{flat::NONE, simd::LANES};
 

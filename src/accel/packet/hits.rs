@@ -3,7 +3,7 @@
 use wide::{f32x8, u32x8};
 
 use super::super::{
-    triangle::Met,
+    leaf::Met,
     two_level::{Hit, NO_HIT},
 };
 use crate::{flat::NONE, simd::LANES};

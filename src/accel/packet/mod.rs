@@ -23,10 +23,11 @@ use super::{
     Coverage, Rays,
     arena::Granule,
     bvh8::{self, BEYOND, FAR_SCALE, KIND, Node},
+    leaf::{Leaf, Met, NO_ROW, QUAD, Sheared, TriangleBlock, TriangleQuad},
     opacity::Opacity,
     queue::{self, COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
     structure::Counters,
-    triangle::{Axis, Leaf, Met, NO_ROW, QUAD, Ray, Sheared, Side, TriangleBlock, TriangleQuad},
+    triangle::{Axis, Ray, Side},
     two_level::{Accel, Hit, Part, SHAPE, nearest_in},
 };
 use crate::simd::{LANES, prefetch};

@@ -85,7 +85,7 @@ pub trait Leaf: Sized {
         [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| self.coordinate(corner, axis, lane)))
     }
 
-    /// [`intersect`] for all, with the same roundings: its SIMD twin.
+    /// [`intersect`](super::intersect) for all, with the same roundings: its SIMD twin.
     fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit;
 
     /// The nearest of those hits and its lane, of equally near ones that of the lowest; if there is none, at a distance that is not a number, of bits above those of all numbers.

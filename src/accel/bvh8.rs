@@ -197,8 +197,14 @@ impl Node {
 
     /// References of the children.
     #[inline(always)]
-    pub fn children(&self) -> [u32; LANES] {
-        self.0[NODE - 1].0
+    pub fn children(&self) -> &[u32; LANES] {
+        &self.0[NODE - 1].0
+    }
+
+    /// Reference of a child.
+    #[inline(always)]
+    pub fn child(&self, lane: usize) -> u32 {
+        self.children()[lane % LANES]
     }
 
     /// Planes of the boxes by axis, lower ones before upper ones.

@@ -88,11 +88,11 @@ pub trait Leaf: Sized {
     /// [`intersect`](super::intersect) for all, with the same roundings: its SIMD twin.
     fn intersect(&self, ray: &Ray, t_max: f32) -> BlockHit;
 
-    /// The nearest of those hits and its lane, of equally near ones that of the lowest; if there is none, at a distance that is not a number, of bits above those of all numbers.
-    fn nearest(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit);
+    /// The nearest of those hits, if there is any, and its lane; of equally near ones that of the lowest.
+    fn nearest(&self, ray: &Ray, t_max: f32) -> Option<(usize, TriangleHit)>;
 
     /// [`Leaf::nearest`], of hits that are not of a missing back.
-    fn nearest_there(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit);
+    fn nearest_there(&self, ray: &Ray, t_max: f32) -> Option<(usize, TriangleHit)>;
 
     /// True if there is any hit.
     fn any(&self, ray: &Ray, t_max: f32) -> bool;
@@ -103,9 +103,6 @@ pub trait Leaf: Sized {
 
 /// The row of a lane that holds no triangle.
 pub const NO_ROW: u32 = ROW;
-
-/// More than infinity, in the order of bits: where there is no hit.
-const NOWHERE: f32 = f32::from_bits(u32::MAX >> 1);
 
 /// What the test says of eight pairs of ray and triangle: distances and barycentrics, and which are hit.
 pub(super) struct Met {
@@ -152,7 +149,8 @@ impl Sheared {
         let [ox, oy, oz] = self.from;
         let sheared = |corner: usize| {
             let (x, y, z) = (at(corner, kx) - ox, at(corner, ky) - oy, at(corner, kz) - oz);
-            (x - sx * z, y - sy * z, z)
+            // Where it is cheap, rounded once; that of a corner is the same in all triangles that share it.
+            (sx.mul_neg_add(z, x), sy.mul_neg_add(z, y), z)
         };
         let (ax, ay, az) = sheared(0);
         let (bx, by, bz) = sheared(1);
@@ -173,7 +171,7 @@ impl Sheared {
     pub fn meet(&self, edges: Edges, t_max: f32x8) -> Met {
         let Edges { u, v, w, depth: [az, bz, cz], det, inside } = edges;
         let inv_det = f32x8::ONE / det;
-        let t = (u * az + v * bz + w * cz) * self.shear[2] * inv_det;
+        let t = w.mul_add(cz, v.mul_add(bz, u * az)) * self.shear[2] * inv_det;
         let hits = inside & t.simd_gt(f32x8::ZERO) & t.simd_le(t_max);
         Met { t, b1: v * inv_det, b2: w * inv_det, back: det.simd_lt(f32x8::ZERO), hits }
     }
@@ -199,16 +197,16 @@ impl Met {
         }
     }
 
-    /// The nearest, of equally near ones that of the lowest lane. Nothing is branched upon: whether a leaf's triangles
-    /// are hit is anyone's guess, and each wrong one costs as much as a leaf.
+    /// The nearest, of equally near ones that of the lowest lane.
     #[inline(always)]
-    fn nearest(self) -> (usize, TriangleHit) {
-        let t = self.hits.bitselect(self.t, f32x8::splat(NOWHERE));
+    fn nearest(self) -> Option<(usize, TriangleHit)> {
+        if self.hits.to_bitmask() & 255 == 0 {
+            return None;
+        }
+        let t = self.hits.bitselect(self.t, f32x8::splat(f32::INFINITY));
         // Positive numbers are in the order of their bits.
         let t: u32x8 = bytemuck::cast(t);
-        let least = t.min(t.shuffle_wrapping(u32x8::new([1, 0, 3, 2, 5, 4, 7, 6])));
-        let least = least.min(least.shuffle_wrapping(u32x8::new([2, 3, 0, 1, 6, 7, 4, 5])));
-        let least = least.min(least.shuffle_wrapping(u32x8::new([4, 5, 6, 7, 0, 1, 2, 3])));
+        let least = least(t);
         let lane = t.simd_eq(least).to_bitmask().trailing_zeros() as usize % LANES;
         let hit = TriangleHit {
             t: f32::from_bits(least.to_array()[0]),
@@ -216,8 +214,16 @@ impl Met {
             b2: self.b2.to_array()[lane],
             back: self.back.to_bitmask() >> lane & 1 == 1,
         };
-        (lane, hit)
+        Some((lane, hit))
     }
+}
+
+/// The least of eight, eight times over.
+#[inline(always)]
+pub(super) fn least(of: u32x8) -> u32x8 {
+    let of = of.min(of.shuffle_wrapping(u32x8::new([1, 0, 3, 2, 5, 4, 7, 6])));
+    let of = of.min(of.shuffle_wrapping(u32x8::new([2, 3, 0, 1, 6, 7, 4, 5])));
+    of.min(of.shuffle_wrapping(u32x8::new([4, 5, 6, 7, 0, 1, 2, 3])))
 }
 
 macro_rules! leaf {
@@ -262,12 +268,12 @@ macro_rules! leaf {
             }
 
             #[inline(always)]
-            fn nearest(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit) {
+            fn nearest(&self, ray: &Ray, t_max: f32) -> Option<(usize, TriangleHit)> {
                 self.met(ray, t_max).nearest()
             }
 
             #[inline(always)]
-            fn nearest_there(&self, ray: &Ray, t_max: f32) -> (usize, TriangleHit) {
+            fn nearest_there(&self, ray: &Ray, t_max: f32) -> Option<(usize, TriangleHit)> {
                 let mut met = self.met(ray, t_max);
                 met.hits &= met.there(self.rows());
                 met.nearest()

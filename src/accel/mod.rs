@@ -42,6 +42,7 @@ mod refit;
 mod shape;
 pub mod slab;
 pub mod slanted;
+mod slot;
 mod space;
 mod structure;
 pub mod textbook;

@@ -10,6 +10,8 @@ use std::{
     ops::{Add, Div, Mul, Sub},
 };
 
+use crate::simd::Real;
+
 /// What the tests need of a number.
 pub trait Scalar:
     Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
@@ -18,6 +20,16 @@ pub trait Scalar:
     fn of(value: f32) -> Self;
     /// Magnitude.
     fn abs(self) -> Self;
+    /// `self · a + b`, which may be rounded once.
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        self * a + b
+    }
+    /// `b − self · a`, which may be rounded once.
+    #[inline(always)]
+    fn mul_neg_add(self, a: Self, b: Self) -> Self {
+        b - self * a
+    }
 }
 
 impl Scalar for f32 {
@@ -28,6 +40,14 @@ impl Scalar for f32 {
     #[inline(always)]
     fn abs(self) -> Self {
         self.abs()
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        Real::mul_add(self, a, b)
+    }
+    #[inline(always)]
+    fn mul_neg_add(self, a: Self, b: Self) -> Self {
+        Real::mul_add(-self, a, b)
     }
 }
 
@@ -270,7 +290,7 @@ pub fn watertight<S: Scalar>(ray: &Sheared<S>, corners: &[V<S>; 3], t_max: S) ->
     let [sx, sy, sz] = ray.shear;
     let sheared = |corner: &V<S>| {
         let (x, y, z) = (corner[kx] - ray.origin[kx], corner[ky] - ray.origin[ky], corner[kz] - ray.origin[kz]);
-        (x - sx * z, y - sy * z, z)
+        (sx.mul_neg_add(z, x), sy.mul_neg_add(z, y), z)
     };
     let (ax, ay, az) = sheared(&corners[0]);
     let (bx, by, bz) = sheared(&corners[1]);
@@ -285,7 +305,7 @@ pub fn watertight<S: Scalar>(ray: &Sheared<S>, corners: &[V<S>; 3], t_max: S) ->
         return None;
     }
     let inverse = S::of(1.0) / det;
-    let t = (u * az + v * bz + w * cz) * sz * inverse;
+    let t = w.mul_add(cz, v.mul_add(bz, u * az)) * sz * inverse;
     (t > zero && t <= t_max).then(|| Met { t, b1: v * inverse, b2: w * inverse })
 }
 

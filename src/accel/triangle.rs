@@ -1,7 +1,7 @@
 //! Ray against triangle, without gaps between neighbours.
 
 use super::leaf::{Leaf, TriangleQuad};
-use crate::simd::LANES;
+use crate::simd::{LANES, Real};
 
 /// A ray with what the watertight test needs: the axis it mostly runs along, and the shear that makes
 /// that axis its own.
@@ -97,6 +97,12 @@ impl Ray {
     }
 }
 
+/// `a · b + c`, rounded once where eight at a time are too.
+#[inline(always)]
+fn mul_add(a: f32, b: f32, c: f32) -> f32 {
+    <f32 as Real>::mul_add(a, b, c)
+}
+
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleHit {
@@ -134,7 +140,7 @@ pub fn intersect(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<Trian
     let [sx, sy, sz] = ray.shear;
     let sheared = |corner: &[f32; 3]| {
         let (x, y, z) = (corner[kx] - ray.origin[kx], corner[ky] - ray.origin[ky], corner[kz] - ray.origin[kz]);
-        (x - sx * z, y - sy * z, z)
+        (mul_add(-sx, z, x), mul_add(-sy, z, y), z)
     };
     let (ax, ay, az) = sheared(&corners[0]);
     let (bx, by, bz) = sheared(&corners[1]);
@@ -148,7 +154,7 @@ pub fn intersect(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<Trian
         return None;
     }
     let inv_det = 1.0 / det;
-    let t = (u * az + v * bz + w * cz) * sz * inv_det;
+    let t = mul_add(w, cz, mul_add(v, bz, u * az)) * sz * inv_det;
     // Written so that a NaN fails it.
     if !(t > 0.0 && t <= t_max) {
         return None;

@@ -14,7 +14,7 @@ use super::{
     mesh::Other,
     opacity::Opacity,
     open::{open, world_bounds},
-    packet, queue,
+    packet, queue, slot,
     structure::{Counters, Nearest},
     triangle::{Ray, TriangleHit},
 };
@@ -136,7 +136,7 @@ impl Accel {
         let unbounded = rows.filter(|&row| instances[row as usize].blas.is_unbounded()).collect();
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
-        let deep = tree.stack + deepest + 1 > queue::STACK;
+        let deep = tree.stack + deepest + 1 > slot::STACK;
         let others = instances.iter().any(|one| one.blas.other.is_some() && !one.blas.is_shape());
         Self { tree, instances, placed, merged, parts, alone, unbounded, bounds, deep, others }
     }

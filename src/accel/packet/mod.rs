@@ -25,7 +25,8 @@ use super::{
     bvh8::{self, BEYOND, FAR_SCALE, KIND, Node},
     leaf::{Leaf, Met, NO_ROW, QUAD, Sheared, TriangleBlock, TriangleQuad},
     opacity::Opacity,
-    queue::{self, COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
+    queue,
+    slot::{COMPRESS, CULL, LANE, OWN, STACK, sort4, sort8},
     structure::Counters,
     triangle::{Axis, Ray, Side},
     two_level::{Accel, Hit, Part, SHAPE, nearest_in},
@@ -324,7 +325,7 @@ impl Packet {
                 & bytemuck::cast::<_, u32x8>(met);
             let keys = bytemuck::cast(keys.shuffle_wrapping(lanes));
             let keys = if count <= 4 { sort4(keys) } else { sort8(keys) };
-            let children = u32x8::new(node.children()).shuffle_wrapping(bytemuck::cast(keys)).to_array();
+            let children = u32x8::new(*node.children()).shuffle_wrapping(bytemuck::cast(keys)).to_array();
             stack.near[top..top + LANES].copy_from_slice(&keys.to_array());
             stack.child[top..top + LANES].copy_from_slice(&children);
             stack.parent[top..top + LANES].copy_from_slice(&[current; LANES]);

@@ -57,6 +57,20 @@ impl Console {
         };
     }
 
+    /// Hands over a part of the result as soon as it is known, for people; programs get all of it at the [end](Self::end).
+    pub fn part(&self, text: &str) {
+        if !self.json {
+            let _ = writeln!(io::stdout().lock(), "{}", text.trim_end());
+        }
+    }
+
+    /// Hands over for programs what people got in [parts](Self::part).
+    pub fn end(&self, json: impl FnOnce() -> Value) {
+        if self.json {
+            let _ = writeln!(io::stdout().lock(), "{:#}", json());
+        }
+    }
+
     /// True if results are wanted as JSON.
     pub fn is_json(&self) -> bool {
         self.json

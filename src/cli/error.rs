@@ -36,6 +36,9 @@ pub enum CliError {
     /// The answer of `bench accel` if a structure does not find what is there.
     #[error("{scene}: {accel} gave a wrong answer to {mismatches} of {checked} {rays} rays; its times mean nothing")]
     WrongHits { scene: String, accel: &'static str, rays: &'static str, mismatches: usize, checked: usize },
+    /// The answer of `bench kernels` if rays slip through what is meant to be tight.
+    #[error("{subject}: {misses} of {trials} rays slipped through a closed mesh")]
+    Leaks { subject: String, misses: usize, trials: usize },
     /// The answer of `bench wavefront` if what is measured does not make the same picture.
     #[error("{scene}: {variant} makes another picture: {pixels} pixels differ; its times mean nothing")]
     WrongPicture { scene: String, variant: String, pixels: usize },

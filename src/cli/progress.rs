@@ -1,6 +1,6 @@
-//! The progress bar.
+//! Progress bars.
 
-use std::{io::IsTerminal, time::Duration};
+use std::{fmt::Display, io::IsTerminal, time::Duration};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use wavecast::render::{Observer, Progress};
@@ -28,6 +28,57 @@ impl Watcher {
 
     /// Takes the bar away.
     pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Shows on a terminal what a long measurement is at; tables grow above.
+pub struct Steps {
+    bar: Option<ProgressBar>,
+}
+
+impl Steps {
+    /// With a bar if stderr is a terminal and not `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let style = ProgressStyle::with_template("{spinner} {bar:30} {elapsed:>4}  {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr()).with_style(style);
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        });
+        Self { bar }
+    }
+
+    /// Goes on to something of so many parts, or of none that can be told apart.
+    pub fn begin(&self, what: impl Display, parts: u64) {
+        if let Some(bar) = &self.bar {
+            bar.reset();
+            bar.set_length(parts.max(1));
+            bar.set_message(what.to_string());
+        }
+    }
+
+    /// So many parts more are done.
+    pub fn advance(&self, parts: u64) {
+        if let Some(bar) = &self.bar {
+            bar.inc(parts);
+        }
+    }
+
+    /// Says something that stays.
+    pub fn above(&self, say: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(say),
+            None => say(),
+        }
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

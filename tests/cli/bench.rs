@@ -63,6 +63,13 @@ fn kernels_are_measured_and_watertight() {
         assert!(subject != "moller-trumbore test" || misses > 0, "{row}");
         assert!(["plane test", "moller-trumbore test"].contains(&subject) || misses == 0, "{row}");
     }
+    let totals = result["watertight_totals"].as_array().unwrap();
+    assert_eq!(totals.len(), 3 + structures);
+    for total in totals {
+        let of_subject: Vec<_> = rows.iter().filter(|row| row["subject"] == total["subject"]).collect();
+        let sum = |key: &str| of_subject.iter().map(|row| row[key].as_u64().unwrap()).sum::<u64>();
+        assert_eq!(["trials", "misses"].map(|key| total[key].as_u64().unwrap()), ["trials", "misses"].map(sum));
+    }
     // Thin slanted things are what turned boxes are for.
     let boxes = result["boxes"].as_array().unwrap();
     for pair in boxes.chunks(2).take(2) {
@@ -72,6 +79,15 @@ fn kernels_are_measured_and_watertight() {
     let lines = |name: &str| std::fs::read_to_string(folder.at(name)).unwrap().lines().count();
     assert_eq!((lines("kernels.csv"), lines("watertight.csv")), (tests.len() + 1, rows.len() + 1));
     assert_eq!(lines("boxes.csv"), boxes.len() + 1);
+}
+
+/// People get the same tables, with a line for what each structure was asked in all.
+#[test]
+fn kernels_are_told_row_by_row() {
+    let run = line("bench kernels --rays 64 --runs 1 --accel octree").expect(0);
+    let lines = |start: &str| run.stdout.lines().filter(|line| line.starts_with(start)).count();
+    assert_eq!((lines("octree "), lines("octree: none of 384 rays missed")), (3 * 2, 1));
+    assert_eq!((lines("plane "), lines("hair "), lines("crates ")), (1 + 4 + 1, 2, 2));
 }
 
 /// Scenes without files, sizes, threads, plots: rows for each, and a word on what was left out.

@@ -1,11 +1,15 @@
 //! Boxes along the axes against boxes that may be turned, around things that stand askew.
 
-use std::{fmt::Write as _, hint::black_box, time::Instant};
+use std::{fmt::Write as _, hint::black_box, io::Write as _, time::Instant};
 
 use serde_json::{Value, json};
-use wavecast::accel::{Bvh2, Nearest, Obb, Ray, RayList, Structure, Work, slanted};
+use wavecast::{
+    accel::{Bvh2, Nearest, Obb, Ray, RayList, Structure, Work, slanted},
+    film::write_file,
+};
 
 use super::{Args, rays::Corners};
+use crate::cli::{console::Console, error::CliError, progress::Steps};
 
 /// What a structure does for rays among some triangles.
 pub struct Fit {
@@ -69,22 +73,33 @@ fn fit<S: Structure>(mesh: &'static str, triangles: &[Corners], rays: &RayList, 
     }
 }
 
-/// Both structures over hair, a railing and crates.
-pub fn measure(args: &Args) -> Vec<Fit> {
+/// Rays of each mesh at most: enough for times, which more would not make any better.
+pub const MOST: u32 = 1 << 16;
+
+/// Both structures over hair, a railing and crates; tells each figure as soon as it is known.
+pub fn measure(args: &Args, console: &Console) -> Result<Vec<Fit>, CliError> {
     let meshes: [(&str, Vec<Corners>); 3] =
         [("hair", slanted::hair(1000)), ("railing", slanted::railing(1000)), ("crates", slanted::crates(2000))];
-    let fits = meshes.iter().flat_map(|(mesh, triangles)| {
-        let rays = slanted::rays(triangles, args.rays as usize, 1);
-        [
-            fit::<Bvh2>(mesh, triangles, &rays, args.runs.unwrap_or(5)),
-            fit::<Obb>(mesh, triangles, &rays, args.runs.unwrap_or(5)),
-        ]
-    });
-    fits.collect()
+    let steps = Steps::new(console.is_quiet());
+    console.part(&heading());
+    let mut fits = Vec::new();
+    for (mesh, triangles) in &meshes {
+        let rays = slanted::rays(triangles, args.rays.min(MOST) as usize, 1);
+        for fit in [fit::<Bvh2>, fit::<Obb>] {
+            steps.begin(format!("boxes along the axes and turned: {mesh}"), 0);
+            let fit = fit(mesh, triangles, &rays, args.runs.unwrap_or(5));
+            steps.above(|| console.part(&line(&fit)));
+            fits.push(fit);
+            if let Some(folder) = &args.output {
+                write_file(&folder.join("boxes.csv"), |file| file.write_all(csv(&fits).as_bytes()))?;
+            }
+        }
+    }
+    Ok(fits)
 }
 
 /// One line for each.
-pub fn csv(fits: &[Fit]) -> String {
+fn csv(fits: &[Fit]) -> String {
     let mut text = "mesh,triangles,accel,ns_per_ray,nodes_per_ray,triangles_per_ray,build_seconds,bytes\n".to_owned();
     for fit in fits {
         let Fit { mesh, triangles, accel, ns_per_ray, nodes_per_ray, triangles_per_ray, build_seconds, bytes } = fit;
@@ -97,26 +112,24 @@ pub fn csv(fits: &[Fit]) -> String {
 }
 
 /// For people.
-pub fn table(fits: &[Fit]) -> String {
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
+fn heading() -> String {
+    format!(
         "\n{:8} {:>9} {:6} {:>8} {:>9} {:>9} {:>8} {:>9}   boxes along the axes, and boxes that may be turned",
         "mesh", "triangles", "accel", "ns/ray", "nodes/ray", "tris/ray", "build s", "bytes/tri"
-    );
-    for fit in fits {
-        let _ = writeln!(
-            text,
-            "{:8} {:9} {:6} {:8.0} {:9.1} {:9.2} {:8.3} {:9.1}",
-            fit.mesh,
-            fit.triangles,
-            fit.accel,
-            fit.ns_per_ray,
-            fit.nodes_per_ray,
-            fit.triangles_per_ray,
-            fit.build_seconds,
-            fit.bytes as f64 / fit.triangles as f64
-        );
-    }
-    text
+    )
+}
+
+/// What stands below [`heading`].
+fn line(fit: &Fit) -> String {
+    format!(
+        "{:8} {:9} {:6} {:8.0} {:9.1} {:9.2} {:8.3} {:9.1}",
+        fit.mesh,
+        fit.triangles,
+        fit.accel,
+        fit.ns_per_ray,
+        fit.nodes_per_ray,
+        fit.triangles_per_ray,
+        fit.build_seconds,
+        fit.bytes as f64 / fit.triangles as f64
+    )
 }

@@ -1,26 +1,23 @@
 //! `wavecast bench kernels`: what a ray-triangle test costs, and whether rays slip through between triangles.
 
-use std::{fmt::Write as _, fs, hint::black_box, sync::Arc, time::Instant};
+use std::{fmt::Write as _, fs, hint::black_box, io::Write as _, time::Instant};
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
-use wavecast::accel::{
-    Accel, AccelKind, Blas, Brute, Bsp, Bvh2, Grid, InstanceRef, KdTree, Leaf, Obb, Octree, Ray, Structure,
-    TriangleBlock,
-    textbook::{
-        Counted, Operations, Sheared, counted, moller_trumbore, moller_trumbore_corners, plane_and_inside, vector,
-        watertight,
+use wavecast::{
+    accel::{
+        Leaf, Ray, TriangleBlock,
+        textbook::{
+            Counted, Operations, Sheared, counted, moller_trumbore, moller_trumbore_corners, plane_and_inside, vector,
+            watertight,
+        },
+        watertight::{Closed, Target},
     },
-    watertight::{Closed, OFFSETS, TESTS, Target, misses, misses_of_test, misses_of_waves},
+    film::write_file,
 };
 
-use super::{Args, boxes};
+use super::{Args, boxes, leaks::Plan};
 use crate::cli::{Outcome, console::Console, error::CliError};
 
-/// Rays at a time: enough to share out, few enough to hold.
-const BLOCK: usize = 1 << 16;
-/// Rays for the tests alone, at most: each asks all triangles.
-const MOST: usize = 1_000_000;
 /// Rays and triangles of which all pairs are timed: they fit the first-level cache.
 const TIMED: [usize; 2] = [512, 256];
 
@@ -31,42 +28,6 @@ struct Cost {
     test: &'static str,
     ns: f64,
     operations: Operations,
-}
-
-/// How many rays of so many slipped through.
-struct Leak {
-    subject: String,
-    offset: [f64; 3],
-    target: &'static str,
-    trials: usize,
-    misses: usize,
-}
-
-impl Leak {
-    /// What the share of misses is below at a confidence of 95 %, if there was none: the rule of three.
-    fn bound(&self) -> Option<f64> {
-        (self.misses == 0).then(|| 3.0 / self.trials.max(1) as f64)
-    }
-
-    fn per_million(&self) -> f64 {
-        1e6 * self.misses as f64 / self.trials.max(1) as f64
-    }
-
-    fn offset(&self) -> String {
-        let [x, y, z] = self.offset;
-        format!("{x} {y} {z}")
-    }
-
-    fn json(&self) -> Value {
-        json!({
-            "subject": self.subject,
-            "offset": self.offset,
-            "target": self.target,
-            "trials": self.trials,
-            "misses": self.misses,
-            "bound": self.bound(),
-        })
-    }
 }
 
 impl Cost {
@@ -83,115 +44,29 @@ impl Cost {
     }
 }
 
-/// A closed mesh's rays, asked of something; returns the misses.
-type Ask = Box<dyn Fn(&Closed) -> Box<dyn Fn(&wavecast::accel::RayList) -> usize + Sync> + Sync>;
-
-fn single<S: Structure + 'static>() -> (&'static str, Ask) {
-    let ask = |mesh: &Closed| -> Box<dyn Fn(&wavecast::accel::RayList) -> usize + Sync> {
-        let structure = S::build(&mesh.triangles);
-        Box::new(move |rays| misses(&structure, rays))
-    };
-    (S::NAME, Box::new(ask))
-}
-
-/// The renderer's way: waves through the eight-wide tree.
-fn waves(mesh: &Closed) -> Box<dyn Fn(&wavecast::accel::RayList) -> usize + Sync> {
-    let only = InstanceRef::unmoved(Arc::new(Blas::build(&mesh.triangles)));
-    let accel = Accel::build(vec![only]);
-    Box::new(move |rays| misses_of_waves(&accel, rays))
-}
-
-/// Structures by name.
-fn structures() -> [(&'static str, Ask); 8] {
-    [
-        (AccelKind::default().name(), Box::new(waves)),
-        single::<Bvh2>(),
-        single::<Obb>(),
-        single::<KdTree>(),
-        single::<Octree>(),
-        single::<Bsp>(),
-        single::<Grid>(),
-        single::<Brute>(),
-    ]
-}
-
-/// Those asked for; without a wish all but brute force.
-fn chosen(names: &[String]) -> Result<Vec<(&'static str, Ask)>, CliError> {
-    let known = structures().map(|(name, _)| name);
-    if let Some(wrong) = names.iter().find(|wanted| !known.contains(&wanted.as_str())) {
-        return Err(CliError::Usage(format!("there is no structure {wrong:?}; there is {}", known.join(", "))));
-    }
-    let wanted = |name: &str| if names.is_empty() { name != Brute::NAME } else { names.iter().any(|n| n == name) };
-    Ok(structures().into_iter().filter(|(name, _)| wanted(name)).collect())
-}
-
-/// Measures and reports.
+/// Measures, tells each figure as soon as it is known, and reports.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
-    let chosen = chosen(&args.accel)?;
-    if let Some(folder) = &args.output {
-        fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
+    let plan = Plan::new(&args.accel, args.rays)?;
+    let folder = args.output.as_deref();
+    if let Some(folder) = folder {
+        fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.into(), source })?;
     }
     let costs = costs(args.runs.unwrap_or(5));
-    let rays = args.rays as usize;
-    let mut leaks = Vec::new();
-    for (test, ask) in TESTS {
-        for offset in &OFFSETS[..2] {
-            let mesh = Closed::small(*offset);
-            let ask = |rays: &_| misses_of_test(ask, &mesh.triangles, rays);
-            leaks.extend(leaks_of(&format!("{test} test"), *offset, &[(&mesh, &ask)], rays.min(MOST)));
-        }
+    console.part(&table(&costs));
+    if let Some(folder) = folder {
+        write_file(&folder.join("kernels.csv"), |file| file.write_all(costs_csv(&costs).as_bytes()))?;
     }
-    for (name, ask) in chosen {
-        for offset in OFFSETS {
-            console.note(format!("{name} at {offset:?}"));
-            let meshes = Closed::all(offset);
-            let asks: Vec<_> = meshes.iter().map(|mesh| (mesh, ask(mesh))).collect();
-            let asks: Vec<_> = asks.iter().map(|(mesh, ask)| (*mesh, &**ask)).collect();
-            leaks.extend(leaks_of(name, offset, &asks, rays));
-        }
-    }
-    console.note("upright and turned boxes");
-    let fits = boxes::measure(args);
-    if let Some(folder) = &args.output {
-        let files = [
-            ("kernels.csv", costs_csv(&costs)),
-            ("watertight.csv", leaks_csv(&leaks)),
-            ("boxes.csv", boxes::csv(&fits)),
-        ];
-        for (name, text) in files {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
-        }
-    }
-    console.result(&(table(&costs, &leaks) + &boxes::table(&fits)), || {
+    let leaks = plan.run(folder, console)?;
+    let fits = boxes::measure(args, console)?;
+    console.end(|| {
         json!({
             "tests": costs.iter().map(Cost::json).collect::<Vec<_>>(),
-            "watertight": leaks.iter().map(Leak::json).collect::<Vec<_>>(),
+            "watertight": leaks.json(),
+            "watertight_totals": leaks.totals_json(),
             "boxes": fits.iter().map(boxes::Fit::json).collect::<Vec<_>>(),
         })
     });
-    Ok(Outcome::Done)
-}
-
-/// A mesh and who is asked about it.
-type Asked<'a> = (&'a Closed, &'a (dyn Fn(&wavecast::accel::RayList) -> usize + Sync));
-
-/// Rays at vertices and at edges, so many each, shared out among meshes.
-fn leaks_of(subject: &str, offset: [f64; 3], asked: &[Asked], rays: usize) -> Vec<Leak> {
-    let of = |(target, kind): (&'static str, Target)| {
-        let blocks = rays.div_ceil(asked.len()).div_ceil(BLOCK);
-        let counts: Vec<(usize, usize)> = (0..blocks * asked.len())
-            .into_par_iter()
-            .map(|block| {
-                let (mesh, ask) = asked[block % asked.len()];
-                let rays = mesh.rays(kind, BLOCK.min(rays.div_ceil(asked.len())), block as u64);
-                (rays.0.len(), ask(&rays))
-            })
-            .collect();
-        let (trials, misses) = counts.into_iter().fold((0, 0), |(n, m), (trials, misses)| (n + trials, m + misses));
-        Leak { subject: subject.to_owned(), offset, target, trials, misses }
-    };
-    Target::ALL.map(of).into()
+    leaks.verdict().map(|()| Outcome::Done)
 }
 
 /// The cost of each test, and of the eight-wide one that renders.
@@ -300,17 +175,7 @@ fn costs_csv(costs: &[Cost]) -> String {
     text
 }
 
-fn leaks_csv(leaks: &[Leak]) -> String {
-    let mut text = "subject,offset,target,trials,misses,bound\n".to_owned();
-    for leak in leaks {
-        let Leak { subject, target, trials, misses, .. } = leak;
-        let bound = leak.bound().map_or_else(String::new, |bound| bound.to_string());
-        let _ = writeln!(text, "{subject},{},{target},{trials},{misses},{bound}", leak.offset());
-    }
-    text
-}
-
-fn table(costs: &[Cost], leaks: &[Leak]) -> String {
+fn table(costs: &[Cost]) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
@@ -320,19 +185,6 @@ fn table(costs: &[Cost], leaks: &[Leak]) -> String {
     for Cost { test, ns, operations } in costs {
         let Operations { divisions, multiplications, additions, comparisons } = operations;
         let _ = writeln!(text, "{test:30} {ns:8.2} {divisions:5} {multiplications:5} {additions:5} {comparisons:5}");
-    }
-    let _ = writeln!(
-        text,
-        "\n{:20} {:20} {:8} {:>10} {:>8} {:>12}   rays from inside closed meshes; bound at 95 %",
-        "misses", "offset", "target", "trials", "misses", "per million"
-    );
-    for leak in leaks {
-        let share = match leak.bound() {
-            Some(bound) => format!("< {:.4}", 1e6 * bound),
-            None => format!("{:.1}", leak.per_million()),
-        };
-        let Leak { subject, target, trials, misses, .. } = leak;
-        let _ = writeln!(text, "{subject:20} {:20} {target:8} {trials:10} {misses:8} {share:>12}", leak.offset());
     }
     text
 }

@@ -9,6 +9,7 @@ mod draw;
 mod embree;
 mod growth;
 mod kernels;
+mod leaks;
 mod plot;
 mod rays;
 mod report;
@@ -63,8 +64,9 @@ pub struct Args {
     /// accel: time given to building bvh8; --builds measures all [default: good]
     #[arg(long, value_name = "QUALITY", value_enum, conflicts_with = "builds")]
     build_quality: Option<QualityArg>,
-    /// accel: rays of each kind; fewer where most leave the scene. kernels: rays at vertices and rays at edges, for each
-    /// structure and place
+    /// accel: rays of each kind; fewer where most leave the scene. kernels: the rows of misses, each of so many rays at
+    /// vertices or at edges (tests alone, without a structure: at most a million); no more than 65536 of them are timed
+    /// for the rows of boxes, and none for those of tests
     #[arg(long, value_name = "N", default_value_t = 65_536, value_parser = clap::value_parser!(u32).range(64..))]
     rays: u32,
     /// Numbers of threads that the rays are divided between, measured one after the other; structures are built by

@@ -1,11 +1,11 @@
 //! `wavecast bench accel`: every structure over the same triangles and the same rays.
 
-use std::{fs, path::Path, time::Instant};
+use std::{fs, io::Write as _, path::Path, time::Instant};
 
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde_json::{Value, json};
 
-use wavecast::accel::Quality;
+use wavecast::{accel::Quality, film::write_file};
 
 use super::{
     Args, builds,
@@ -102,36 +102,36 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
             plot::bars(&folder.join(format!("accel-{}.svg", Subject::file_name(&subject.name))), &bars)?;
         }
     }
-    report(&rows, "accel", &[], args.output.as_deref(), &settings, console)
+    report(&rows, args.output.as_deref(), &settings, console)
 }
 
 /// Writes the tables, and fails if a structure of ours was wrong.
-pub fn report(
-    rows: &[Row],
-    file: &str,
-    stopped: &[String],
-    folder: Option<&Path>,
-    settings: &Settings,
-    console: &mut Console,
-) -> Result<Outcome, CliError> {
+fn report(rows: &[Row], folder: Option<&Path>, settings: &Settings, console: &Console) -> Result<Outcome, CliError> {
     if let Some(folder) = folder {
-        for (ending, text) in
-            [("csv", csv(rows.iter().map(Row::json))), ("md", markdown(rows, settings.peers_are.as_deref()))]
-        {
-            let path = folder.join(file).with_extension(ending);
-            fs::write(&path, text).map_err(|source| CliError::Output { path, source })?;
-        }
+        write_tables(rows, &folder.join("accel"), settings)?;
     }
-    let lines = settings.peers_are.iter().cloned().chain([table(rows)]).chain(stopped.iter().cloned());
-    console.result(&lines.collect::<Vec<_>>().join("\n"), || {
-        let rows: Vec<Value> = rows.iter().map(|row| row.json().into()).collect();
-        json!({ "rows": rows, "compared_with": settings.peers_are, "stopped": stopped })
-    });
+    let lines: Vec<String> = settings.peers_are.iter().cloned().chain([table(rows)]).collect();
+    console.result(&lines.join("\n"), || json(rows, &[], settings));
     verdict(rows)
 }
 
+/// Writes the tables, each whole or not at all.
+pub fn write_tables(rows: &[Row], path: &Path, settings: &Settings) -> Result<(), CliError> {
+    let tables = [("csv", csv(rows.iter().map(Row::json))), ("md", markdown(rows, settings.peers_are.as_deref()))];
+    for (ending, text) in tables {
+        write_file(&path.with_extension(ending), |file| file.write_all(text.as_bytes()))?;
+    }
+    Ok(())
+}
+
+/// For programs.
+pub fn json(rows: &[Row], stopped: &[String], settings: &Settings) -> Value {
+    let rows: Vec<Value> = rows.iter().map(|row| row.json().into()).collect();
+    json!({ "rows": rows, "compared_with": settings.peers_are, "stopped": stopped })
+}
+
 /// An error if a structure of ours gave a wrong answer: then its times mean nothing.
-fn verdict(rows: &[Row]) -> Result<Outcome, CliError> {
+pub fn verdict(rows: &[Row]) -> Result<Outcome, CliError> {
     match rows.iter().find(|row| row.ours && row.mismatches > 0) {
         None => Ok(Outcome::Done),
         Some(row) => Err(CliError::WrongHits {
@@ -165,38 +165,59 @@ pub fn measure(
     for batch in batches.iter().filter(|batch| !batch.rays.is_empty()) {
         let takers: Vec<&Built> = built.iter().filter(|one| one.structure.takes(batch.kind)).collect();
         let answers: Vec<_> = takers.iter().map(|one| answers_of(&*one.structure, batch)).collect();
-        let ours = takers.iter().filter(|one| one.structure.is_ours()).count();
-        let truth = Truth::find(triangles, batch, &answers[..ours]);
-        for &threads in &settings.scaling {
-            let seconds = times(&takers, batch, threads, settings.runs)?;
-            for (place, one) in takers.iter().enumerate() {
-                let count = batch.rays.len();
-                let work = one.structure.work(&batch.rays, batch.question);
-                rows.push(Row {
-                    scene: subject.name.clone(),
-                    triangles: triangles.len(),
-                    threads,
-                    accel: one.name,
-                    ours: one.structure.is_ours(),
-                    rays: batch.kind,
-                    count,
-                    mrays_per_second: Spread::of(seconds[place].iter().map(|s| count as f64 / s / 1e6).collect()),
-                    build_seconds: one.seconds,
-                    bytes: one.structure.bytes(),
-                    references: one.structure.references(),
-                    lane_fill: work
-                        .filter(|work| work.lanes > 0)
-                        .map(|work| work.used_lanes as f64 / work.lanes as f64),
-                    nodes_per_ray: work.map(|work| work.nodes as f64 / count as f64),
-                    triangles_per_ray: work.map(|work| work.triangles as f64 / count as f64),
-                    checked: truth.known(),
-                    mismatches: truth.mismatches(&*one.structure, &answers[place]),
-                    over: over(&takers, &seconds, place),
-                });
-            }
+        let mut truth = Truth::ask(triangles, batch);
+        let ours = takers.iter().zip(&answers).filter(|(one, _)| one.structure.is_ours());
+        ours.for_each(|(_, answers)| truth.hear(answers));
+        rows.extend(in_turn(subject, batch, &truth, &takers, &answers, settings)?);
+    }
+    by_threads(&mut rows, settings);
+    Ok(rows)
+}
+
+/// Puts rows of the same number of threads together.
+pub fn by_threads(rows: &mut [Row], settings: &Settings) {
+    rows.sort_by_key(|row| settings.scaling.iter().position(|&threads| threads == row.threads));
+}
+
+/// The rows of those that take a batch, who have given their answers.
+pub fn in_turn(
+    subject: &Subject,
+    batch: &Batch,
+    truth: &Truth,
+    takers: &[&Built],
+    answers: &[Vec<Answer>],
+    settings: &Settings,
+) -> Result<Vec<Row>, CliError> {
+    let triangles = subject.triangles.len();
+    let mut rows = Vec::new();
+    for &threads in &settings.scaling {
+        let seconds = times(takers, batch, threads, settings.runs)?;
+        for (place, one) in takers.iter().enumerate() {
+            let count = batch.rays.len();
+            let work = one.structure.work(&batch.rays, batch.question);
+            let agrees = |truth: &_, answer: &_| one.structure.agrees(truth, answer);
+            rows.push(Row {
+                scene: subject.name.clone(),
+                triangles,
+                threads,
+                accel: one.name,
+                ours: one.structure.is_ours(),
+                rays: batch.kind,
+                count,
+                mrays_per_second: Spread::of(seconds[place].iter().map(|s| count as f64 / s / 1e6).collect()),
+                build_seconds: one.seconds,
+                bytes: one.structure.bytes(),
+                references: one.structure.references(),
+                lane_fill: work.filter(|work| work.lanes > 0).map(|work| work.used_lanes as f64 / work.lanes as f64),
+                nodes_per_ray: work.map(|work| work.nodes as f64 / count as f64),
+                triangles_per_ray: work.map(|work| work.triangles as f64 / count as f64),
+                by_brute_force: truth.asked(),
+                checked: truth.known(),
+                mismatches: truth.mismatches(&answers[place], agrees),
+                over: over(takers, &seconds, place),
+            });
         }
     }
-    rows.sort_by_key(|row| settings.scaling.iter().position(|&threads| threads == row.threads));
     Ok(rows)
 }
 

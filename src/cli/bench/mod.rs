@@ -86,7 +86,8 @@ pub struct Args {
     /// wavefront: what is measured [default: all]
     #[arg(long, value_name = "PART", value_enum, value_delimiter = ',')]
     parts: Vec<Part>,
-    /// Measure generated scenes in several sizes, in triangles [default: 1e3,1e4,1e5,1e6,1e7]
+    /// Measure generated scenes in several sizes, in triangles, one structure after the other; what is known is written
+    /// after each [default: 1e3,1e4,1e5,1e6,1e7]
     #[arg(
         long,
         value_name = "N",

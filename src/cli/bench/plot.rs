@@ -1,12 +1,13 @@
 //! Tables as pictures.
 
-use std::path::Path;
+use std::{io::Write as _, path::Path};
 
 use plotters::{
     coord::Shift,
     prelude::*,
     style::text_anchor::{HPos, Pos, VPos},
 };
+use wavecast::film::write_file;
 
 use super::{contender::structures, report::Row};
 use crate::cli::error::CliError;
@@ -46,12 +47,15 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// What can go wrong while drawing.
 pub type Problem = Box<dyn std::error::Error>;
 
-/// Draws into a file.
+/// Draws into a file, which appears whole or not at all.
 pub fn draw(path: &Path, size: (u32, u32), paint: impl FnOnce(&Area) -> Result<(), Problem>) -> Result<(), CliError> {
-    let area = SVGBackend::new(path, size).into_drawing_area();
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
     let painted = area.fill(&WHITE).map_err(Problem::from).and_then(|()| paint(&area));
     let painted = painted.and_then(|()| area.present().map_err(Problem::from));
-    painted.map_err(|problem| CliError::Drawing { path: path.to_owned(), problem: problem.to_string() })
+    painted.map_err(|problem| CliError::Drawing { path: path.to_owned(), problem: problem.to_string() })?;
+    drop(area);
+    Ok(write_file(path, |file| file.write_all(svg.as_bytes()))?)
 }
 
 /// The different values of a column, in the order of their first appearance.
@@ -108,10 +112,10 @@ pub fn bars(path: &Path, rows: &[&Row]) -> Result<(), CliError> {
     })
 }
 
-/// Around two numbers, from a power of ten to a power of ten.
+/// Around two numbers, from a power of ten to a power of ten; a little more, or the first of them has no label.
 fn decades(least: f64, most: f64) -> std::ops::Range<f64> {
     let (from, to) = (least.log10().floor(), most.log10().ceil());
-    10_f64.powf(from)..10_f64.powf(to.max(from + 1.0))
+    10_f64.powf(from) * (1.0 - 1e-6)..10_f64.powf(to.max(from + 1.0)) * (1.0 + 1e-6)
 }
 
 /// Over triangles: rays per second of each kind, build time, memory.
@@ -159,7 +163,7 @@ pub fn growth(path: &Path, rows: &[&Row]) -> Result<(), CliError> {
             // Where lines rise to the right and leave room.
             if title.starts_with("build") {
                 let mut labels = chart.configure_series_labels();
-                labels.position(SeriesLabelPosition::UpperLeft).background_style(WHITE.mix(0.8));
+                labels.position(SeriesLabelPosition::LowerRight).background_style(WHITE.mix(0.8));
                 labels.border_style(BLACK.mix(0.3)).draw()?;
             }
         }

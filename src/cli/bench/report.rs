@@ -44,6 +44,9 @@ pub struct Row {
     pub triangles_per_ray: Option<f64>,
     /// Part of the lanes of tests of eight at once that had a box, triangle or ray to test.
     pub lane_fill: Option<f64>,
+    /// Rays that brute force was asked about, whatever the structures say.
+    pub by_brute_force: usize,
+    /// Rays whose true answer is known: those, and those that all structures agree on.
     pub checked: usize,
     pub mismatches: usize,
     /// Rays per second over those of [`PEERS`], by run.
@@ -70,6 +73,7 @@ impl Row {
             ("nodes_per_ray", json!(self.nodes_per_ray)),
             ("triangles_per_ray", json!(self.triangles_per_ray)),
             ("lane_fill", json!(self.lane_fill)),
+            ("by_brute_force", json!(self.by_brute_force)),
             ("checked", json!(self.checked)),
             ("mismatches", json!(self.mismatches)),
         ];
@@ -101,58 +105,68 @@ pub fn csv(rows: impl Iterator<Item = Map<String, Value>>) -> String {
     text
 }
 
+/// True if two rows belong to the same part of a table.
+pub fn same_part(a: &Row, b: &Row) -> bool {
+    (&a.scene, a.triangles, a.threads) == (&b.scene, b.triangles, b.threads)
+}
+
 /// For people.
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::new();
-    let mut part = None;
-    for row in rows {
-        let compared = row.over.iter().any(Option::is_some) || !row.ours;
-        if part != Some((&row.scene, row.triangles, row.threads)) {
-            part = Some((&row.scene, row.triangles, row.threads));
-            let threads = if row.threads == 1 { "one thread".to_owned() } else { format!("{} threads", row.threads) };
-            let _ = writeln!(text, "{}: {} triangles, {threads}", row.scene, row.triangles);
-            let _ = write!(
-                text,
-                "{:8} {:15} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>6} {:>10}",
-                "rays",
-                "accel",
-                "Mrays/s",
-                "build s",
-                "bytes/tri",
-                "refs/tri",
-                "nodes/ray",
-                "tris/ray",
-                "lanes",
-                "mismatches"
-            );
-            if compared {
-                let _ = write!(text, " {:>18} {:>18} {:>18}", "over Embree fast", "over robust", "over packets");
-            }
-            text.push('\n');
+    for part in rows.chunk_by(same_part) {
+        let _ = writeln!(text, "{}", heading(&part[0]));
+        part.iter().for_each(|row| {
+            let _ = writeln!(text, "{}", line(row));
+        });
+    }
+    text
+}
+
+/// True if a row has ratios, or is that of something else to compare with.
+fn compared(row: &Row) -> bool {
+    row.over.iter().any(Option::is_some) || !row.ours
+}
+
+/// What stands above a part of the table.
+pub fn heading(row: &Row) -> String {
+    let threads = if row.threads == 1 { "one thread".to_owned() } else { format!("{} threads", row.threads) };
+    let mut text = format!(
+        "{}: {} triangles, {threads}; mismatches of rays whose hit is known, {} of each kind by brute force\n",
+        row.scene, row.triangles, row.by_brute_force
+    );
+    let _ = write!(
+        text,
+        "{:8} {:15} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>6} {:>10}",
+        "rays", "accel", "Mrays/s", "build s", "bytes/tri", "refs/tri", "nodes/ray", "tris/ray", "lanes", "mismatches"
+    );
+    if compared(row) {
+        let _ = write!(text, " {:>18} {:>18} {:>18}", "over Embree fast", "over robust", "over packets");
+    }
+    text
+}
+
+/// What stands below.
+pub fn line(row: &Row) -> String {
+    let per_triangle = |x: usize| x as f64 / row.triangles.max(1) as f64;
+    let known = |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
+    let mut text = format!(
+        "{:8} {:15} {:9.3} {:8.3} {:9.1} {:>9} {:>9} {:>9} {:>6} {:>10}",
+        row.rays,
+        row.accel,
+        row.mrays_per_second.median,
+        row.build_seconds,
+        per_triangle(row.bytes),
+        known(row.references.map(per_triangle), 2),
+        known(row.nodes_per_ray, 1),
+        known(row.triangles_per_ray, 1),
+        row.lane_fill.map_or("-".to_owned(), |fill| format!("{:.0} %", 100.0 * fill)),
+        format!("{}/{}", row.mismatches, row.checked)
+    );
+    if compared(row) {
+        for over in &row.over {
+            let ratio = |over: &Spread| format!("{:.2} ({:.2}–{:.2})", over.median, over.min, over.max);
+            let _ = write!(text, " {:>18}", over.as_ref().map_or("-".to_owned(), ratio));
         }
-        let per_triangle = |x: usize| x as f64 / row.triangles.max(1) as f64;
-        let known = |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
-        let _ = write!(
-            text,
-            "{:8} {:15} {:9.3} {:8.3} {:9.1} {:>9} {:>9} {:>9} {:>6} {:>10}",
-            row.rays,
-            row.accel,
-            row.mrays_per_second.median,
-            row.build_seconds,
-            per_triangle(row.bytes),
-            known(row.references.map(per_triangle), 2),
-            known(row.nodes_per_ray, 1),
-            known(row.triangles_per_ray, 1),
-            row.lane_fill.map_or("-".to_owned(), |fill| format!("{:.0} %", 100.0 * fill)),
-            format!("{}/{}", row.mismatches, row.checked)
-        );
-        if compared {
-            for over in &row.over {
-                let ratio = |over: &Spread| format!("{:.2} ({:.2}–{:.2})", over.median, over.min, over.max);
-                let _ = write!(text, " {:>18}", over.as_ref().map_or("-".to_owned(), ratio));
-            }
-        }
-        text.push('\n');
     }
     text
 }
@@ -160,8 +174,7 @@ pub fn table(rows: &[Row]) -> String {
 /// For documents: by scene and number of threads a table of the structures and one of the ratios.
 pub fn markdown(rows: &[Row], compared_with: Option<&str>) -> String {
     let mut text = compared_with.map(|peers| format!("Compared with {peers}.\n\n")).unwrap_or_default();
-    let same = |a: &Row, b: &Row| (&a.scene, a.triangles, a.threads) == (&b.scene, b.triangles, b.threads);
-    for part in rows.chunk_by(same) {
+    for part in rows.chunk_by(same_part) {
         let first = &part[0];
         let kinds: Vec<&str> = part.iter().filter(|row| row.accel == first.accel).map(|row| row.rays).collect();
         let _ = writeln!(text, "{}: {} triangles, threads: {}\n", first.scene, first.triangles, first.threads);

@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// Rays with their ends, for a wave.
+    /// Rays with their ends, for a wave; unlike those of a [`RayList`], each has a name of its own.
     pub(super) struct Wave(pub(super) Vec<([f32; 3], [f32; 3], f32)>);
 
     impl Rays for Wave {

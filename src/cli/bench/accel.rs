@@ -10,7 +10,9 @@ use wavecast::{accel::Quality, film::write_file};
 use super::{
     Args, builds,
     contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
-    draw, growth, plot,
+    draw, growth,
+    peers::{self, Peers},
+    plot,
     rays::{Batch, Corners, batches},
     report::{PEERS, Row, Spread, csv, markdown, table},
     subject::Subject,
@@ -18,15 +20,12 @@ use super::{
 };
 use crate::cli::{Outcome, console::Console, error::CliError};
 
-/// Builds what the structures are compared with.
-pub type Peers = Box<dyn Fn(&[Corners]) -> Result<Vec<Built>, CliError>>;
-
 /// How to measure.
 pub struct Settings {
     /// Structures.
     pub chosen: Vec<Choice>,
     /// What they are compared with.
-    pub peers: Peers,
+    pub peers: Peers<[Corners], Built>,
     /// What that is, in one line.
     pub peers_are: Option<String>,
     /// Times each figure is taken.
@@ -49,7 +48,7 @@ pub fn runs(args: &Args, with_peers: bool) -> u32 {
 
 impl Settings {
     fn new(args: &Args) -> Result<Self, CliError> {
-        let (peers, peers_are) = peers(args)?;
+        let (peers, peers_are) = peers::to_ask(args)?;
         let runs = runs(args, peers_are.is_some());
         let scaling = if args.scaling.is_empty() { vec![1] } else { args.scaling.iter().map(|n| n.get()).collect() };
         Ok(Self {
@@ -61,19 +60,6 @@ impl Settings {
             scaling,
         })
     }
-}
-
-#[cfg(feature = "embree")]
-fn peers(args: &Args) -> Result<(Peers, Option<String>), CliError> {
-    match &args.embree {
-        Some(path) => super::embree::peers(path),
-        None => Ok((Box::new(|_| Ok(Vec::new())), None)),
-    }
-}
-
-#[cfg(not(feature = "embree"))]
-fn peers(_: &Args) -> Result<(Peers, Option<String>), CliError> {
-    Ok((Box::new(|_| Ok(Vec::new())), None))
 }
 
 /// Measures each scene and reports; or draws.
@@ -275,7 +261,7 @@ mod tests {
     fn measured(chosen: Vec<Choice>) -> Vec<Row> {
         let mut console = Console::new(true, false);
         let subject = Subject::new(&Source::Generated(Formula::Hall, 2000), None, &mut console).unwrap();
-        let peers: Peers = Box::new(|_| Ok(Vec::new()));
+        let peers: Peers<_, _> = Box::new(|_| Ok(Vec::new()));
         let settings = Settings { chosen, peers, peers_are: None, runs: 1, rays: 2048, scaling: vec![1, 2] };
         measure(&subject, &settings.chosen, &settings, &console).unwrap()
     }

@@ -13,6 +13,7 @@ use wavecast::accel::{Accel, AccelKind, Blas, InstanceRef, Quality};
 use super::{
     Args,
     accel::runs,
+    peers::{self, Peers},
     rays::Corners,
     report::{Spread, csv},
     subject::Subject,
@@ -48,9 +49,6 @@ pub struct Ground {
     /// Where it is placed, as 3×4 matrices by rows: to the world and back.
     pub places: Arc<Vec<[[f32; 12]; 2]>>,
 }
-
-/// Gives what ours are compared with.
-pub type Peers = Box<dyn Fn(&Ground) -> Result<Vec<Timed>, CliError>>;
 
 impl Ground {
     /// A wave goes through the mesh, a hundredth of its size high; its copies stand in a cube that they fill loosely,
@@ -185,7 +183,7 @@ impl Row {
 const COLUMNS: [&str; 6] = ["what", "structure", "ms", "binary ms", "collapse ms", "over Embree"];
 
 /// Takes turns, so that whatever else the machine does falls upon all.
-fn measure(subject: &Subject, peers: &Peers, runs: u32) -> Result<Vec<Row>, CliError> {
+fn measure(subject: &Subject, peers: &Peers<Ground, Timed>, runs: u32) -> Result<Vec<Row>, CliError> {
     let ground = Ground::new(subject.triangles.clone());
     let mut all = own(&ground);
     all.extend(peers(&ground)?);
@@ -223,7 +221,7 @@ fn measure(subject: &Subject, peers: &Peers, runs: u32) -> Result<Vec<Row>, CliE
 
 /// Measures each scene and reports.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
-    let (peers, peers_are) = peers(args)?;
+    let (peers, peers_are) = peers::to_build(args)?;
     let runs = runs(args, peers_are.is_some());
     let mut rows = Vec::new();
     for source in &args.scenes {
@@ -273,19 +271,6 @@ fn tables(rows: &[Row], markdown: bool) -> String {
     text
 }
 
-#[cfg(feature = "embree")]
-fn peers(args: &Args) -> Result<(Peers, Option<String>), CliError> {
-    match &args.embree {
-        Some(path) => super::embree::build_peers(path),
-        None => Ok((Box::new(|_| Ok(Vec::new())), None)),
-    }
-}
-
-#[cfg(not(feature = "embree"))]
-fn peers(_: &Args) -> Result<(Peers, Option<String>), CliError> {
-    Ok((Box::new(|_| Ok(Vec::new())), None))
-}
-
 #[cfg(test)]
 mod tests {
     use wavecast::accel::{Solid, Stacks};
@@ -298,7 +283,7 @@ mod tests {
     fn builds_refits_and_top_levels_are_measured() {
         let mut console = Console::new(true, false);
         let subject = Subject::new(&Source::Generated(Formula::Hall, 2000), None, &mut console).unwrap();
-        let peers: Peers = Box::new(|_| {
+        let peers: Peers<_, _> = Box::new(|_| {
             let peer = |(what, name)| Timed { what, name, run: Box::new(|| Ok((1e6, None))) };
             Ok(WHAT.map(peer).into())
         });

@@ -10,6 +10,7 @@ mod embree;
 mod growth;
 mod kernels;
 mod leaks;
+mod peers;
 mod plot;
 mod rays;
 mod report;

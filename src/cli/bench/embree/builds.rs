@@ -4,7 +4,8 @@ use std::{path::Path, ptr, sync::Arc, time::Instant};
 
 use super::{
     super::{
-        builds::{Ground, Peers, Timed},
+        builds::{Ground, Timed},
+        peers::Described,
         rays::Corners,
     },
     api::{Api, HIGH, Handle, INSTANCE, LOW, MATRIX, MEDIUM, Mesh, REFIT, VERTICES, open},
@@ -12,7 +13,7 @@ use super::{
 use crate::cli::error::CliError;
 
 /// Opens the library and says what it is.
-pub fn build_peers(path: &Path) -> Result<(Peers, Option<String>), CliError> {
+pub fn build_peers(path: &Path) -> Described<Ground, Timed> {
     let api = Arc::new(open(path)?);
     let path = path.to_owned();
     let failed = move |problem| CliError::Library { path: path.clone(), problem };

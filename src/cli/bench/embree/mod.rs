@@ -20,8 +20,8 @@ use self::api::{
 };
 pub use self::builds::build_peers;
 use super::{
-    accel::Peers,
     contender::{Answer, Built, Contender, Question},
+    peers::Described,
     rays::{Corners, OneRay},
 };
 use crate::cli::error::CliError;
@@ -162,7 +162,7 @@ impl Contender for Embree {
 }
 
 /// Opens the library and says what it is.
-pub fn peers(path: &Path) -> Result<(Peers, Option<String>), CliError> {
+pub fn peers(path: &Path) -> Described<[Corners], Built> {
     let api = Arc::new(open(path)?);
     let path = path.to_owned();
     let failed = move |problem| CliError::Library { path: path.clone(), problem };

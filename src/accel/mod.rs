@@ -69,6 +69,9 @@ pub use self::{
     two_level::{Accel, Hit, InstanceRef, NO_HIT, Stacks},
 };
 
+#[cfg(test)]
+pub(crate) use self::packet::tests::TOGETHER;
+
 /// Decides whether a surface is there for a ray that meets it.
 pub trait Coverage {
     /// True if everything covers; what is known of the triangles' [`Opacity`] is then not even read.

@@ -1,17 +1,20 @@
-//! Rays that leave a shape must not meet it again where they start.
+//! Rays that leave a shape must not meet it again where they start; camera rays go together.
+
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::{
-    Parts,
+    Job, Parts, Worker, schedule,
     surface::{self, Incoming},
 };
 use crate::{
-    accel::{NO_HIT, Solid, Stacks},
+    accel::{NO_HIT, Solid, Stacks, TOGETHER},
+    film::Tile,
     reference::Rng,
-    render::Renderer,
+    render::{RenderSettings, Renderer},
     simd::V3,
-    world::{LocalTransform, Scene, Shape},
+    world::{AlphaMode, LocalTransform, Material, Scene, Shape, generated},
 };
 
 fn vector(v: DVec3) -> V3<f32> {
@@ -130,4 +133,38 @@ fn rays_that_leave_a_shape_do_not_meet_it_where_they_start() {
         }
     }
     assert!(left[0] > 500_000 && left[1] > 150_000, "{left:?}");
+}
+
+/// Camera rays of a render, and rays that went in packets.
+fn rays_in_packets(scene: &mut Scene, max_depth: Option<u32>) -> [u64; 2] {
+    let mut renderer = Renderer::new();
+    renderer.sync(scene);
+    let together = AtomicU64::new(0);
+    let counted = |worker: &mut Worker, job: &Job, tile: &mut Tile, from, to| {
+        TOGETHER.set(0);
+        worker.run(job, tile, from, to);
+        together.fetch_add(TOGETHER.get(), Ordering::Relaxed);
+    };
+    let settings = RenderSettings { width: 192, height: 128, spp: Some(4), max_depth, ..RenderSettings::default() };
+    let stats = schedule::render_by(renderer.scene(), &settings, &(), counted).stats;
+    assert_eq!(stats.rays.camera, 192 * 128 * 4);
+    assert_eq!(stats.rays.bounce > stats.rays.camera, max_depth.is_none());
+    [stats.rays.camera, together.into_inner()]
+}
+
+/// Where all surfaces are solid, and where some let rays pass; with bounces before them in a wave, and without. Those go
+/// alone whose neighbours differ in the sign or the longest axis of a direction.
+#[test]
+fn camera_rays_go_in_packets() {
+    let mut veiled = generated::hall(3000);
+    for key in veiled.keys_with::<Material>() {
+        let material: Material = veiled.get(key).unwrap();
+        veiled.insert(key, Material { alpha_mode: AlphaMode::Blend, base_alpha: 0.7, ..material });
+    }
+    for scene in [&mut generated::hall(3000), &mut veiled] {
+        for max_depth in [Some(0), None] {
+            let [camera, together] = rays_in_packets(scene, max_depth);
+            assert!(together <= camera && together > camera * 3 / 4, "{together} of {camera}, {max_depth:?}");
+        }
+    }
 }

@@ -90,6 +90,39 @@ fn alpha_is_tested_where_something_covers_in_part() {
     }
 }
 
+/// A picture of which the left half covers and the right half does not, on a quad whose triangles show one half each,
+/// both the left, or both the right: the left is never asked for its alpha, and the picture is that of a solid quad.
+#[test]
+fn alpha_is_not_asked_for_where_it_covers_wholly() {
+    let texels = (0..32 * 32).map(|at| [200, 180, 160, if at % 32 < 16 { 255 } else { 20 }]).collect();
+    let image = Image { name: "half".to_owned(), width: 32, height: 32, texels: Texels::Rgba8(texels) };
+    let half = Texture::new(Arc::new(image));
+    // Away from where the halves meet, and from the border, where the right half comes in again.
+    let (left, right) = ([0.15, 0.35], [0.65, 0.85]);
+    let seen = |alpha_mode, halves: [[f32; 2]; 2]| {
+        let mut scene = plain();
+        let mut mesh = TriMesh::quad(Vec3::new(-0.5, 0.2, 0.5), Vec3::X, Vec3::Y);
+        mesh.positions = [0, 1, 2, 0, 2, 3].map(|corner| mesh.positions[corner]).to_vec();
+        mesh.triangles = vec![[0, 1, 2], [3, 4, 5]];
+        let uv = |[from, to]: [f32; 2]| [Vec2::new(from, 0.2), Vec2::new(to, 0.2), Vec2::new(to, 0.8)];
+        mesh.uvs = vec![halves.map(uv).concat()];
+        show(&mut scene, mesh, Material { alpha_mode, base_color_texture: Some(half.clone()), ..lambert() });
+        let mut renderer = Renderer::new();
+        renderer.sync(&mut scene);
+        let needs_alpha = renderer.scene().needs.has(SceneNeeds::ALPHA);
+        assert_eq!(needs_alpha, alpha_mode != AlphaMode::Opaque);
+        let rendered = renderer.render(&settings(24, 4), &());
+        (count(&rendered.stats, "alpha_tests"), rendered.picture.rgb)
+    };
+    let (_, solid) = seen(AlphaMode::Opaque, [left, left]);
+    for alpha_mode in [AlphaMode::Blend, AlphaMode::Mask { cutoff: 0.5 }] {
+        let ((none, picture), (some, _), (all, _)) =
+            (seen(alpha_mode, [left, left]), seen(alpha_mode, [left, right]), seen(alpha_mode, [right, right]));
+        assert!(none == 0 && picture == solid, "{alpha_mode:?}: {none}");
+        assert!(0 < some && some < all, "{alpha_mode:?}: {some} of {all}");
+    }
+}
+
 /// A single-sided quad seen from behind is not there: by camera rays alone the picture is that of the plain scene.
 #[test]
 fn backs_are_culled_where_a_material_has_none() {

@@ -571,6 +571,8 @@ pub(super) fn trace<C: Coverage>(
     for start in (before..count).step_by(RAYS) {
         let rows = start..count.min(start + RAYS);
         if packet.gather::<C>(rays, start) {
+            #[cfg(test)]
+            tests::TOGETHER.set(tests::TOGETHER.get() + rows.len() as u64);
             packet.trace(&world, local, (top, mesh), alone, counters);
             packet.report(|lane, hit| {
                 if start + lane < rows.end {
@@ -587,4 +589,4 @@ pub(super) fn trace<C: Coverage>(
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::{cell::Cell, sync::Arc};
 
 use super::{
     super::{
@@ -9,6 +9,11 @@ use super::{
     *,
 };
 use crate::world::Shape;
+
+thread_local! {
+    /// Rays that this thread has sent through trees in packets.
+    pub static TOGETHER: Cell<u64> = const { Cell::new(0) };
+}
 
 /// Rays from a point through tiles of 8×8 pixels, as a camera that looks at [0, 5]³ has them.
 fn tiles(eye: [f32; 3], tiles: usize, t_max: f32) -> Vec<queue::Segment> {

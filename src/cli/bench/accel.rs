@@ -10,7 +10,7 @@ use wavecast::{accel::Quality, film::write_file};
 use super::{
     Args, builds,
     contender::{Answer, Built, Choice, Contender, WAVE, Waves, chosen},
-    draw, growth,
+    draw, glb, growth,
     peers::{self, Peers},
     plot,
     rays::{Batch, Corners, batches},
@@ -66,6 +66,9 @@ impl Settings {
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     for folder in args.output.iter().chain(&args.draw) {
         fs::create_dir_all(folder).map_err(|source| CliError::Output { path: folder.clone(), source })?;
+    }
+    if let Some(folder) = &args.write_scenes {
+        return glb::run(folder, args, console);
     }
     if args.builds {
         return builds::run(args, console);

@@ -7,6 +7,7 @@ mod contender;
 mod draw;
 #[cfg(feature = "embree")]
 mod embree;
+mod glb;
 mod growth;
 mod kernels;
 mod leaks;
@@ -109,6 +110,9 @@ pub struct Args {
     /// Draw the cells or boxes of each structure, cut by a plane, into this folder, and measure nothing
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth"])]
     draw: Option<PathBuf>,
+    /// accel: write the generated scenes as .glb into this folder, and measure nothing
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth", "draw", "builds"])]
+    write_scenes: Option<PathBuf>,
     /// Where --draw cuts: an axis, and the coordinate on it in metres, such as y=1.5 [default: the middle, across z]
     #[arg(long, value_name = "AXIS[=M]", value_parser = draw::slice, requires = "draw")]
     slice: Option<Slice>,

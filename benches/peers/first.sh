@@ -10,9 +10,11 @@
 # building trees in it, the median and the range of the ratios run by run, and how far the pictures are apart: relMSE
 # without the worst 0.1 % of pixels, which is noise and falls with --spp.
 #
-# Scenes large enough to be worth it can be had by formula:
+# Scenes large enough to be worth it can be had by formula; files without a camera, such as Sponza, get one:
 #
-#   wavecast bench accel hall foliage --write-scenes DIR
+#   wavecast bench accel hall --write-scenes DIR
+#   wavecast bench accel Sponza.glb --view=-9,1.5,0,0,3,0 --write-scenes DIR
+#   benches/peers/first.sh DIR/*.glb
 
 set -euo pipefail
 

@@ -110,7 +110,8 @@ pub struct Args {
     /// Draw the cells or boxes of each structure, cut by a plane, into this folder, and measure nothing
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth"])]
     draw: Option<PathBuf>,
-    /// accel: write the generated scenes as .glb into this folder, and measure nothing
+    /// accel: write the generated scenes as .glb into this folder, and copies of .glb files with the camera of --view, and
+    /// measure nothing; all cameras are called "view"
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "growth", "draw", "builds"])]
     write_scenes: Option<PathBuf>,
     /// Where --draw cuts: an axis, and the coordinate on it in metres, such as y=1.5 [default: the middle, across z]

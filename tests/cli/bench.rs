@@ -131,6 +131,23 @@ fn cells_of_structures_are_drawn() {
     assert!(first.iter().zip(drawn()).all(|(a, b)| *a != b));
 }
 
+/// What is made on the spot, and a copy of a file with a camera; both can be rendered.
+#[test]
+fn scenes_are_written_for_others_to_render() {
+    let folder = Folder::new();
+    let out = folder.at("");
+    let words = ["hall:1e3", "scenes/gallery.glb", "--view=0,1,3,0,1,0", "--write-scenes", out.to_str().unwrap()];
+    wavecast(["bench", "accel"].into_iter().chain(words)).expect(0);
+    assert_eq!(folder.names(), ["gallery-view.glb", "hall-1000.glb"]);
+    for name in folder.names() {
+        let (scene, picture) = (folder.at(&name), folder.at("picture.exr"));
+        let files = [scene.to_str().unwrap(), "-o", picture.to_str().unwrap()];
+        wavecast(["render", "--size", "8x8", "--spp", "1", "--camera", "view"].into_iter().chain(files)).expect(0);
+    }
+    let words = ["bench", "accel", "scenes/gallery.glb", "--write-scenes", out.to_str().unwrap()];
+    wavecast(words).expect(2).says("--view gives it a camera");
+}
+
 /// The keys and values of `bench wavefront --json`: every way to make the picture is there and compared, blocks are full
 /// where waves are sorted, and less so where they are not.
 #[test]

@@ -36,7 +36,8 @@ pub fn run(folder: &Path, args: &Args, console: &mut Console) -> Result<Outcome,
             view.take(&mut scene);
         }
         let name = match source {
-            Source::File(path) => path.with_extension("").display().to_string(),
+            // Never that of the file itself, whose folder this may be.
+            Source::File(path) => format!("{}-{NAME}", path.with_extension("").display()),
             Source::Generated(..) => source.to_string(),
         };
         let path = folder.join(Subject::file_name(&name)).with_extension("glb");

@@ -12,13 +12,14 @@
 //! Wald et al. 2001, "Interactive Rendering with Coherent Ray Tracing"; Boulos et al. 2006, "Geometric and Arithmetic
 //! Culling Methods for Entire Ray Packets"; Overbeck et al. 2008, "Large Ray Packets for Real-time Whitted Ray Tracing".
 
+mod gather;
 mod hits;
 
 use std::cell::Cell;
 
 use wide::{f32x8, u16x8, u32x8};
 
-use self::hits::Hits;
+use self::{gather::greatest, hits::Hits};
 use super::{
     Coverage, Rays,
     arena::Granule,
@@ -133,129 +134,7 @@ thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-/// The least and the greatest of all lanes, if all are numbers.
-#[inline(always)]
-fn extremes([a, b, c, d]: &[f32x8; VECTORS]) -> (f32, f32) {
-    let least = across(a.fast_min(*b).fast_min(c.fast_min(*d)), |a, b| a.fast_min(b));
-    (least, greatest([*a, *b, *c, *d]))
-}
-
-/// The greatest of all lanes.
-#[inline(always)]
-fn greatest([a, b, c, d]: [f32x8; VECTORS]) -> f32 {
-    across(a.fast_max(b).fast_max(c.fast_max(d)), |a, b| a.fast_max(b))
-}
-
-/// Puts eight numbers together by pairs.
-#[inline(always)]
-fn across(of: f32x8, pair: impl Fn(f32x8, f32x8) -> f32x8) -> f32 {
-    let partners = [[4, 5, 6, 7, 0, 1, 2, 3], [2, 3, 0, 1, 6, 7, 4, 5], [1, 0, 3, 2, 5, 4, 7, 6]];
-    let swapped = |of: f32x8, partner| bytemuck::cast(bytemuck::cast::<_, u32x8>(of).shuffle_wrapping(partner));
-    partners.into_iter().fold(of, |of, partner| pair(of, swapped(of, u32x8::new(partner)))).to_array()[0]
-}
-
 impl Packet {
-    fn empty() -> Self {
-        let zero = [f32x8::ZERO; 3];
-        let sheared = Sheared { axes: Axis::ALL, shear: zero, from: zero };
-        let hits = Hits::none(f32x8::ZERO);
-        Self {
-            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits, ids: [0; LANES] }; VECTORS],
-            extremes: [Extremes { ahead: 0.0, slow: 0.0, behind: 0.0, fast: 0.0 }; 3],
-            first: [Side::Lower; 3],
-            last: [Side::Upper; 3],
-            reach: 0.0,
-            limit: 0.0,
-        }
-    }
-
-    /// Becomes that of the rays from `start` on, the last of them several times over if they are too few; false if they do
-    /// not run side by side, and it is then of no use.
-    #[inline(always)]
-    fn gather<C: Coverage>(&mut self, rays: &impl Rays, start: usize) -> bool {
-        let last = rays.count() - 1;
-        let mut columns = [[0.0; RAYS]; 7];
-        for lane in 0..RAYS {
-            let (origin, direction, t_max) = rays.ray((start + lane).min(last));
-            let [ox, oy, oz] = origin;
-            let [dx, dy, dz] = direction;
-            for (column, value) in columns.iter_mut().zip([ox, oy, oz, dx, dy, dz, t_max]) {
-                column[lane] = value;
-            }
-        }
-        let vectors = |column: usize| -> [f32x8; VECTORS] {
-            let (eights, _) = columns[column].as_chunks();
-            std::array::from_fn(|vector| f32x8::new(eights[vector]))
-        };
-        for (eight, t_max) in self.eights.iter_mut().zip(vectors(6)) {
-            eight.hits = Hits::none(t_max);
-        }
-        if !C::TRIVIAL {
-            for (lane, id) in self.eights.iter_mut().flat_map(|eight| &mut eight.ids).enumerate() {
-                *id = rays.id((start + lane).min(last));
-            }
-        }
-        self.prepare(&[0, 1, 2].map(vectors), &[3, 4, 5].map(vectors))
-    }
-
-    /// Becomes that of rays with the ends it has.
-    #[inline(always)]
-    fn prepare(&mut self, origin: &[[f32x8; VECTORS]; 3], direction: &[[f32x8; VECTORS]; 3]) -> bool {
-        // As in `Ray::new`; the axis has to be the same for all.
-        let mut along = [0; 3];
-        let [dx, dy, dz] = direction;
-        for ((x, y), z) in dx.iter().zip(dy).zip(dz) {
-            let [x, y, z] = [x, y, z].map(|of| of.abs());
-            let is_x = (x.simd_gt(y) & x.simd_gt(z)).to_bitmask() & 255;
-            let is_y = !is_x & (y.simd_ge(x) & y.simd_gt(z)).to_bitmask() & 255;
-            along[0] += is_x.count_ones();
-            along[1] += is_y.count_ones();
-            along[2] += (is_x | is_y ^ 255).count_ones() - is_x.count_ones();
-        }
-        let Some(kz) = along.iter().position(|&rays| rays as usize == RAYS) else { return false };
-        let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
-        if direction[kz][0].to_array()[0] < 0.0 {
-            std::mem::swap(&mut kx, &mut ky);
-        }
-        let inverse = direction.map(|of| of.map(|d| f32x8::ONE / d));
-        if !self.eights.iter().all(|Eight { hits, .. }| hits.t_max.simd_eq(hits.t_max).all()) {
-            return false;
-        }
-        for axis in 0..3 {
-            let (lower, upper) = extremes(&inverse[axis]);
-            let (start, end) = extremes(&origin[axis]);
-            // Directions of both signs, or zero and not, would make intervals that are not bounded; what is not a number
-            // makes none. Infinite starts are left to the queue as well.
-            let together = lower > 0.0 || upper < 0.0;
-            let numbers = (0..VECTORS).all(|vector| {
-                let finite = origin[axis][vector].abs().simd_lt(f32x8::splat(f32::INFINITY));
-                (finite & inverse[axis][vector].simd_eq(inverse[axis][vector])).to_bitmask() & 255 == 255
-            });
-            if !together || !numbers || lower.is_finite() != upper.is_finite() {
-                return false;
-            }
-            (self.first[axis], self.last[axis]) = (Side::Lower, Side::Upper);
-            self.extremes[axis] = if lower > 0.0 {
-                Extremes { ahead: end, slow: -lower, behind: start, fast: -upper }
-            } else {
-                (self.first[axis], self.last[axis]) = (Side::Upper, Side::Lower);
-                Extremes { ahead: start, slow: -upper, behind: end, fast: -lower }
-            };
-        }
-        let axes = [kx, ky, kz].map(|axis| Axis::ALL[axis]);
-        for (vector, eight) in self.eights.iter_mut().enumerate() {
-            let along = inverse[kz][vector];
-            let [x, y] = [kx, ky].map(|axis| direction[axis][vector] * along);
-            eight.origin = [0, 1, 2].map(|axis| origin[axis][vector]);
-            eight.direction = [0, 1, 2].map(|axis| direction[axis][vector]);
-            eight.against = [0, 1, 2].map(|axis| -inverse[axis][vector]);
-            let from = [kx, ky, kz].map(|axis| origin[axis][vector]);
-            eight.sheared = Sheared { axes, shear: [x, y, along], from };
-        }
-        self.shorten();
-        true
-    }
-
     /// Nothing counts from now on beyond where all rays end.
     #[inline(always)]
     fn shorten(&mut self) {
@@ -470,21 +349,6 @@ impl Packet {
                 this.test(TriangleQuad::at(arena, place), world, part.instance, &active, counters);
             }
         });
-    }
-
-    /// [`to_local`](super::two_level::to_local), of all rays, with the same roundings; false if there they do not run side
-    /// by side.
-    fn to_local(&self, m: &[f32; 12], local: &mut Self) -> bool {
-        let m = m.map(f32x8::splat);
-        let linear = |row: usize, [x, y, z]: [f32x8; 3]| m[4 * row] * x + m[4 * row + 1] * y + m[4 * row + 2] * z;
-        let each = |f: &dyn Fn(&Eight, usize) -> f32x8| {
-            std::array::from_fn(|row| std::array::from_fn(|vector| f(&self.eights[vector], row)))
-        };
-        for (to, from) in local.eights.iter_mut().zip(&self.eights) {
-            (to.hits, to.ids) = (from.hits, from.ids);
-        }
-        let origin = each(&|eight, row| linear(row, eight.origin) + m[4 * row + 3]);
-        local.prepare(&origin, &each(&|eight, row| linear(row, eight.direction)))
     }
 
     /// What each ray hit.

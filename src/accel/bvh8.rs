@@ -12,7 +12,8 @@ use wide::f32x8;
 use super::{
     arena::{Arena, Granule},
     binary::pair,
-    collapse::{Collapsed, Leaves, collapse, leaf_cost},
+    cluster::cluster,
+    collapse::{Collapsed, Leaves, collapse, leaf_cost, write},
     structure::Counters,
     triangle::{Ray, Side},
 };
@@ -86,6 +87,20 @@ impl Bvh8 {
         let binary_time = start.elapsed();
         let Collapsed { arena, root, stack, cost } = collapse(&binary, boxes, leaves);
         Self { arena, root: Some(root), stack, cost, binary_time }
+    }
+
+    /// As [`Bvh8::build`], in as little time as there can be.
+    pub fn top<L: Leaves>(boxes: &[Aabb], leaves: &L) -> Self {
+        let mut rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| boxes[row as usize].valid()).collect();
+        if rows.len() < 2 {
+            let mut arena = Arena::zeroed(L::granules(1) * rows.len());
+            let root = (!rows.is_empty()).then(|| leaves.write(&mut rows, 0, arena.granules_mut()));
+            let cost = rows.first().map_or(0.0, |&row| leaf_cost(1) * boxes[row as usize].half_area());
+            return Self { root, arena, cost, ..Self::default() };
+        }
+        let (inners, root) = cluster::<L>(boxes, &rows);
+        let Collapsed { arena, root, stack, cost } = write(&inners, root.reference, root.cost(), boxes, leaves);
+        Self { arena, root: Some(root), stack, cost, ..Self::default() }
     }
 
     /// Bytes held.
@@ -296,11 +311,63 @@ mod tests {
         check::<8>(&vec![Aabb::empty(); 10], Quality::Good);
     }
 
+    /// The same for what is built in a hurry, of whatever boxes: in one place, each within the next, in steps that grow,
+    /// without a size, infinite, too large for their area to be a number.
+    #[test]
+    fn top_levels_hold_whatever_there_is() {
+        let around = |i: u32, size: f32| bounds_of([[-size, -size, i as f32], [size, size, i as f32 + size]]);
+        let every = |box_of: &dyn Fn(u32) -> Aabb| -> Vec<Aabb> { (0..3000).map(box_of).collect() };
+        let point = |at: [f32; 3]| bounds_of([at]);
+        let mut mixed = boxes(5000);
+        mixed.iter_mut().step_by(3).for_each(|one| *one = Aabb::empty());
+        mixed[7] = Aabb::INFINITY;
+        mixed[8] = Aabb::LARGEST;
+        mixed[10] = point([f32::INFINITY; 3]);
+        mixed[11] = point([f32::MAX, f32::MIN, 0.0]);
+        mixed[13] = Aabb::new(Vec3A::splat(f32::NAN), Vec3A::ONE);
+        let scenes = [
+            every(&|_| around(0, 1.0)),
+            every(&|i| around(0, 1.0 + 1e-4 * i as f32)),
+            every(&|i| around(0, 2.0 - 1e-4 * i as f32)),
+            every(&|i| around(i * i, i as f32)),
+            every(&|i| point([0.0, i as f32, 0.0])),
+            every(&|i| point([1e-40 * i as f32, 0.0, 0.0])),
+            every(&|_| point([0.0; 3])),
+            every(&|_| Aabb::LARGEST),
+            every(&|_| Aabb::INFINITY),
+            every(&|i| around(i, 1e30)),
+            mixed,
+        ];
+        for (scene, boxes) in scenes.iter().enumerate() {
+            let tree = Bvh8::top(boxes, &Rows::<1>);
+            check_tree::<1>(&tree, boxes);
+            // Far fewer levels than boxes: a walk puts off up to seven a level.
+            assert!(tree.stack < 200, "{scene}: {}", tree.stack);
+        }
+        for count in (0..20).chain([1023, 1024, 1025, 3000, 20_000]) {
+            check_tree::<1>(&Bvh8::top(&boxes(count), &Rows::<1>), &boxes(count));
+        }
+    }
+
+    /// They are as good as what takes several times as long.
+    #[test]
+    fn top_levels_cost_no_more_than_fast_builds() {
+        for count in [10, 100, 1000, 10_000, 50_000] {
+            let boxes = boxes(count);
+            let [top, fast] = [Bvh8::top(&boxes, &Rows::<1>), Bvh8::build(&boxes, Quality::Fast, &Rows::<1>)];
+            assert!(top.cost < 1.05 * fast.cost, "{count}: {} {}", top.cost, fast.cost);
+        }
+    }
+
     fn check<const MOST: usize>(boxes: &[Aabb], quality: Quality) {
-        let tree = Bvh8::build(boxes, quality, &Rows::<MOST>);
+        check_tree::<MOST>(&Bvh8::build(boxes, quality, &Rows::<MOST>), boxes);
+    }
+
+    #[track_caller]
+    fn check_tree<const MOST: usize>(tree: &Bvh8, boxes: &[Aabb]) {
         let (mut seen, mut used) = (vec![0; boxes.len()], 0);
         let put_off = tree.root.map_or(0, |root| {
-            check_below::<MOST>(&tree, boxes, root, &Aabb::LARGEST, &mut |granules, rows| {
+            check_below::<MOST>(tree, boxes, root, &Aabb::INFINITY, &mut |granules, rows| {
                 used += granules;
                 rows.iter().for_each(|&row| seen[row as usize] += 1);
             })
@@ -358,6 +425,15 @@ mod tests {
                 assert!(tree.arena.granules() == alone.arena.granules(), "{threads} threads");
                 assert_eq!((tree.root, tree.stack), (alone.root, alone.stack));
             }
+        }
+        let built = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| Bvh8::top(&boxes, &Rows::<1>))
+        };
+        let alone = built(1);
+        for tree in [2, 5].map(built) {
+            assert!(tree.arena.granules() == alone.arena.granules());
+            assert_eq!((tree.root, tree.stack, tree.cost), (alone.root, alone.stack, alone.cost));
         }
     }
 }

@@ -72,7 +72,7 @@ const PIECE: u32 = 1 << 30;
 /// An inner node of the binary tree, and what is best made of it.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Inner {
+pub(super) struct Inner {
     lower: [f32; 3],
     upper: [f32; 3],
     /// Other inner nodes, or primitives if [`ROW`] is set.
@@ -83,19 +83,19 @@ struct Inner {
 }
 
 /// How places of a wide node are shared between the two children of a binary node, three bits for each number of places:
-/// how many of two places go to the first child, of three, … of eight; none if one place less is as good. Then the same
-/// for eight if there must be a node of its own, and then whether a leaf is better than that.
+/// how many of two places go to the first child, of three, … of eight; none if a node or leaf of its own is better. Then
+/// the same for eight if there must be a node of its own, and then whether a leaf is better than that.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(transparent)]
-struct Plan(u32);
+pub(super) struct Plan(u32);
 
 impl Plan {
     const NODE: u32 = 3 * (LANES as u32 - 1);
     const IS_LEAF: u32 = 1 << (Self::NODE + 3);
 
-    /// How many of so many places go to the first child; zero if one less is as good.
+    /// How many of so many places go to the first child; zero if it is not opened.
     fn of(self, places: usize) -> usize {
-        (self.0 >> (3 * (places - 2)) & 7) as usize
+        if places < 2 { 0 } else { (self.0 >> (3 * (places - 2)) & 7) as usize }
     }
 
     /// How many of the places of its own node go to the first child.
@@ -110,74 +110,149 @@ impl Plan {
 
 /// Of a subtree: what it costs, and the granules it takes, when it is given up to 1, 2, … 8 places in a wide node.
 #[derive(Clone, Copy)]
-struct Solved {
-    cost: [f32; LANES],
-    granules: [u32; LANES],
-    bounds: Aabb,
+pub(super) struct Solved {
+    columns: Columns,
+    pub bounds: Aabb,
     count: u32,
     /// Of the inner node or the primitive.
-    reference: u32,
+    pub reference: u32,
 }
 
-/// The best shares of 1, 2, … 8 places between two subtrees.
-struct Shares {
+/// Costs and granules. With infinities before the costs, those with so many places less can be read in one go; what is
+/// then read before the granules counts for nothing.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Columns {
+    before: [f32; LANES],
     cost: [f32; LANES],
     granules: [u32; LANES],
-    /// Places of the first.
-    to_first: [u32; LANES],
+}
+
+impl Columns {
+    fn new(cost: f32x8, granules: u32x8) -> Self {
+        Self { before: [f32::INFINITY; LANES], cost: cost.to_array(), granules: granules.to_array() }
+    }
+
+    /// Eight from so many before the costs on.
+    #[inline(always)]
+    fn costs(&self, places_less: usize) -> f32x8 {
+        let all: &[f32; 3 * LANES] = bytemuck::cast_ref(self);
+        f32x8::new(*all[LANES - places_less..].first_chunk().expect("eight places"))
+    }
+
+    #[inline(always)]
+    fn granules(&self, places_less: usize) -> u32x8 {
+        let all: &[u32; 3 * LANES] = bytemuck::cast_ref(self);
+        u32x8::new(*all[2 * LANES - places_less..].first_chunk().expect("eight places"))
+    }
+}
+
+/// The best shares of 1, 2, … 8 places between two subtrees; what it says of one place counts for nothing.
+struct Shares {
+    cost: f32x8,
+    granules: u32x8,
+    /// Places of the first, each where [`Plan`] has it.
+    to_first: u32x8,
+}
+
+/// One place cannot be shared.
+const SHARED: [u32; LANES] = [0, !0, !0, !0, !0, !0, !0, !0];
+
+/// So many places for the first, of 1, 2, … 8 where [`Plan`] has them.
+const fn to_first(own: u32) -> [u32; LANES] {
+    let mut all = [0; LANES];
+    let mut place = 1;
+    while place < LANES {
+        all[place] = own << (3 * (place - 1));
+        place += 1;
+    }
+    all
+}
+
+/// All but one place for the first.
+const fn all_but_one() -> [u32; LANES] {
+    let mut all = [0; LANES];
+    let mut place = 1;
+    while place < LANES {
+        all[place] = (place as u32) << (3 * (place - 1));
+        place += 1;
+    }
+    all
 }
 
 impl Shares {
-    /// Eight at a time: all numbers of places with so many of them for the first. One place cannot be shared.
     #[inline(always)]
     fn of(first: &Solved, second: &Solved) -> Self {
-        let (mut costs, mut sizes) = ([f32::INFINITY; 2 * LANES], [0; 2 * LANES]);
-        costs[LANES..].copy_from_slice(&second.cost);
-        sizes[LANES..].copy_from_slice(&second.granules);
-        let (mut cost, mut granules, mut to_first) = (f32x8::splat(f32::INFINITY), u32x8::ZERO, u32x8::ONE);
-        for own in 1..LANES {
-            let others: [f32; LANES] = *costs[LANES - own..].first_chunk().expect("eight places");
-            let sizes: [u32; LANES] = *sizes[LANES - own..].first_chunk().expect("eight places");
-            let candidate = f32x8::splat(first.cost[own - 1]) + f32x8::new(others);
-            let better = candidate.simd_lt(cost);
-            cost = better.bitselect(candidate, cost);
-            let better: u32x8 = bytemuck::cast(better);
-            let size = u32x8::splat(first.granules[own - 1]) + u32x8::new(sizes);
-            granules = better.bitselect(size, granules);
-            to_first = better.bitselect(u32x8::splat(own as u32), to_first);
+        if second.reference & ROW != 0 {
+            // It needs one place.
+            let cost = first.columns.costs(1) + second.columns.costs(0);
+            let granules = first.columns.granules(1) + second.columns.granules(0);
+            return Self { cost, granules, to_first: u32x8::new(const { all_but_one() }) };
         }
-        Self { cost: cost.to_array(), granules: granules.to_array(), to_first: to_first.to_array() }
+        let share = |own: usize| {
+            let cost = f32x8::splat(first.columns.cost[own - 1]) + second.columns.costs(own);
+            (cost, u32x8::splat(first.columns.granules[own - 1]) + second.columns.granules(own))
+        };
+        let (mut cost, mut granules) = share(1);
+        let mut places = u32x8::new(const { to_first(1) });
+        if first.reference & ROW == 0 {
+            const TO_FIRST: [[u32; LANES]; LANES] = {
+                let mut all = [[0; LANES]; LANES];
+                let mut own = 0;
+                while own < LANES {
+                    all[own] = to_first(own as u32);
+                    own += 1;
+                }
+                all
+            };
+            for own in 2..LANES {
+                let (candidate, size) = share(own);
+                let better = candidate.simd_lt(cost);
+                cost = better.bitselect(candidate, cost);
+                let better: u32x8 = bytemuck::cast(better);
+                granules = better.bitselect(size, granules);
+                places = better.bitselect(u32x8::new(TO_FIRST[own]), places);
+            }
+        }
+        Self { cost, granules, to_first: places }
     }
 }
 
 impl Solved {
-    fn primitive<L: Leaves>(row: u32, bounds: &Aabb) -> Self {
-        let cost = leaf_cost(1) * bounds.half_area();
-        let granules = L::granules(1) as u32;
-        Self { cost: [cost; LANES], granules: [granules; LANES], bounds: *bounds, count: 1, reference: row | ROW }
+    pub fn primitive<L: Leaves>(row: u32, bounds: &Aabb) -> Self {
+        let cost = f32x8::splat(leaf_cost(1) * bounds.half_area());
+        let granules = u32x8::splat(L::granules(1) as u32);
+        Self { columns: Columns::new(cost, granules), bounds: *bounds, count: 1, reference: row | ROW }
+    }
+
+    /// With one place.
+    pub fn cost(&self) -> f32 {
+        self.columns.cost[0]
     }
 
     /// Of the node over two subtrees, which is `reference`.
-    fn over<L: Leaves>(first: &Self, second: &Self, reference: u32) -> (Self, Inner) {
+    #[inline(always)]
+    pub fn over<L: Leaves>(first: &Self, second: &Self, reference: u32) -> (Self, Inner) {
         let shares = Shares::of(first, second);
         let bounds = first.bounds.union(&second.bounds);
         let count = first.count + second.count;
         let area = bounds.half_area();
         let leaf = if count as usize <= L::MOST { leaf_cost(count) * area } else { f32::INFINITY };
-        let node = area + shares.cost[LANES - 1];
-        let is_leaf = leaf <= node;
-        let mut plan = shares.to_first[LANES - 1] << Plan::NODE;
+        let node = area + shares.cost.to_array()[LANES - 1];
+        let is_leaf = count as usize <= L::MOST && leaf <= node;
+        let of_node = shares.granules.to_array()[LANES - 1];
+        let own = if is_leaf { L::granules(count as usize) as u32 } else { NODE as u32 + of_node };
+        // More places are never worse. At equal cost memory decides.
+        let (whole, size) = (f32x8::splat(if is_leaf { leaf } else { node }), u32x8::splat(own));
+        let [less, equal] = [shares.cost.simd_lt(whole), shares.cost.simd_eq(whole)].map(bytemuck::cast::<_, u32x8>);
+        let opened = u32x8::new(SHARED) & (less | (equal & shares.granules.simd_lt(size)));
+        let cost = bytemuck::cast::<_, f32x8>(opened).bitselect(shares.cost, whole);
+        let granules = opened.bitselect(shares.granules, size);
+        let mut plan = (opened & shares.to_first).reduce_add();
+        let last = shares.to_first.to_array()[LANES - 1];
+        plan |= last << 3;
         plan |= if is_leaf { Plan::IS_LEAF } else { 0 };
-        let mut cost = [if is_leaf { leaf } else { node }; LANES];
-        let own = if is_leaf { L::granules(count as usize) as u32 } else { NODE as u32 + shares.granules[LANES - 1] };
-        let mut granules = [own; LANES];
-        for places in 1..LANES {
-            let better = shares.cost[places] < cost[places - 1];
-            cost[places] = if better { shares.cost[places] } else { cost[places - 1] };
-            granules[places] = if better { shares.granules[places] } else { granules[places - 1] };
-            plan |= if better { shares.to_first[places] << (3 * (places - 1)) } else { 0 };
-        }
-        let this = Self { cost, granules, bounds, count, reference };
+        let this = Self { columns: Columns::new(cost, granules), bounds, count, reference };
         let inner = Inner {
             lower: bounds.min.to_array(),
             upper: bounds.max.to_array(),
@@ -248,18 +323,23 @@ pub(super) struct Collapsed {
 /// Collapses a binary tree of at least two leaves, whose own boxes are not looked at.
 pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &L) -> Collapsed {
     let (inners, cost) = plan::<L>(binary, boxes);
-    let whole = &inners[0];
+    write(&inners, 0, cost, boxes, leaves)
+}
+
+/// Writes the wide nodes and leaves below the inner node `root`.
+pub(super) fn write<L: Leaves>(inners: &[Inner], root: u32, cost: f32, boxes: &[Aabb], leaves: &L) -> Collapsed {
+    let whole = &inners[root as usize];
     assert!(whole.granules < QUAD, "16 GiB of one mesh");
-    let writer = Writer { inners: &inners, boxes, leaves };
+    let writer = Writer { inners, boxes, leaves };
     let mut arena = Arena::zeroed(whole.granules as usize);
     if whole.plan.is_leaf() {
         let mut rows = Few::new();
-        writer.rows(0, &mut rows);
+        writer.rows(root, &mut rows);
         let root = leaves.write(&mut rows, 0, arena.granules_mut());
         return Collapsed { arena, root, stack: 0, cost };
     }
     let (mut large, mut tasks, mut stack) = (Vec::new(), Vec::new(), 0);
-    large.push(Subtree { inner: 0, place: 0, put_off: 0, into: arena.granules_mut() });
+    large.push(Subtree { inner: root, place: 0, put_off: 0, into: arena.granules_mut() });
     while let Some(subtree) = large.pop() {
         if inners[subtree.inner as usize].granules < TASK {
             tasks.push(subtree);
@@ -303,7 +383,7 @@ fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> (Vec<Inner>, f32) {
     let solved: Vec<Solved> =
         parts.into_par_iter().map(|(list, start, into)| solve::<L>(list, start, boxes, &[], into)).collect();
     let whole = solve::<L>(&above, 0, boxes, &solved, top);
-    (inners, whole.cost[0])
+    (inners, whole.cost())
 }
 
 /// A wide node to write with all that is below it.
@@ -342,8 +422,8 @@ impl<L: Leaves> Writer<'_, L> {
     fn open(&self, reference: u32, places: usize, into: &mut Few) {
         if reference & ROW == 0 {
             let inner = &self.inners[reference as usize];
-            let first = (2..=places).rev().map(|places| (places, inner.plan.of(places))).find(|(_, first)| *first > 0);
-            if let Some((places, to_first)) = first {
+            let to_first = inner.plan.of(places);
+            if to_first > 0 {
                 self.open(inner.children[0], to_first, into);
                 self.open(inner.children[1], places - to_first, into);
                 return;

@@ -23,6 +23,7 @@ mod bsp;
 mod bvh2;
 mod bvh8;
 mod closed;
+mod cluster;
 mod collapse;
 #[cfg(test)]
 mod family;

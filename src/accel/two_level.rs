@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     Blas, Coverage, Rays,
-    bvh8::{Bvh8, INSTANCE, Quality, Stack},
+    bvh8::{Bvh8, INSTANCE, Stack},
     collapse::References,
     leaf::{Block, BlockHit, QUAD},
     merge::Merged,
@@ -130,7 +130,7 @@ impl Accel {
         let (parts, boxes) = open(&instances, &merged, boxes, all.half_area());
         let is_shape = |part: u32| instances[parts[part as usize].instance as usize].blas.is_shape();
         let reference = |part: u32| part | if is_shape(part) { SHAPE } else { INSTANCE };
-        let tree = Bvh8::build(&boxes, Quality::Fast, &References(reference));
+        let tree = Bvh8::top(&boxes, &References(reference));
         let alone = parts.len() == 1 && !is_shape(0);
         let rows = 0..instances.len() as u32;
         let unbounded = rows.filter(|&row| instances[row as usize].blas.is_unbounded()).collect();

@@ -22,13 +22,13 @@ use super::{
 use crate::simd::LANES;
 
 /// How far along the curve a partner is looked for, to either side.
-const RADIUS: usize = 4;
+const RADIUS: usize = 3;
 
 /// Boxes of a piece at most. Fixed, so that trees do not depend on the number of threads.
 const PIECE: usize = 1024;
 
 /// Of a piece, clusters are left to be joined with those of others when they are no more than this.
-const LEFT: usize = 64;
+const LEFT: usize = 32;
 
 /// Joins the boxes of `rows`, of which there are at least two, to one tree: its inner nodes, and the root.
 pub(super) fn cluster<L: Leaves>(boxes: &[Aabb], rows: &[u32]) -> (Vec<Inner>, Solved) {
@@ -226,7 +226,10 @@ fn order(boxes: &[Aabb], rows: &[u32]) -> Vec<u32> {
         let [x, y, z] = ((middle(row) - lower) * scale).clamp(Vec3A::ZERO, Vec3A::splat(most)).to_array();
         spread(x as u64) << 2 | spread(y as u64) << 1 | spread(z as u64)
     };
-    let keys: Vec<u64> = rows.iter().map(key).collect();
+    let keys: Vec<u64> = match rows.len() {
+        ..=PIECE => rows.iter().map(key).collect(),
+        _ => rows.par_iter().with_min_len(PIECE).map(key).collect(),
+    };
     let mut items: Vec<u64> =
         keys.iter().enumerate().map(|(at, key)| key >> (3 * BITS - 32) << 32 | at as u64).collect();
     sort(&mut items);

@@ -309,8 +309,11 @@ const AHEAD: usize = 16;
 /// Primitives of a piece, about. Of 1024, 4096 and 16384 all are as fast on few threads; it is for many.
 const PIECE_SIZE: usize = 2048;
 
-/// What is written by one thread, in granules, about: some thousand triangles.
+/// What is written by one thread, in granules, at most: some thousand triangles.
 const TASK: u32 = 1 << 14;
+
+/// In small trees it is less; what takes as long as waking another thread is not divided.
+const LEAST_TASK: u32 = 1 << 10;
 
 /// What is made of a binary tree; see [`super::bvh8::Bvh8`].
 pub(super) struct Collapsed {
@@ -338,10 +341,11 @@ pub(super) fn write<L: Leaves>(inners: &[Inner], root: u32, cost: f32, boxes: &[
         let root = leaves.write(&mut rows, 0, arena.granules_mut());
         return Collapsed { arena, root, stack: 0, cost };
     }
+    let task = (whole.granules / 16).clamp(LEAST_TASK, TASK);
     let (mut large, mut tasks, mut stack) = (Vec::new(), Vec::new(), 0);
     large.push(Subtree { inner: root, place: 0, put_off: 0, into: arena.granules_mut() });
     while let Some(subtree) = large.pop() {
-        if inners[subtree.inner as usize].granules < TASK {
+        if inners[subtree.inner as usize].granules < task {
             tasks.push(subtree);
         } else {
             stack = stack.max(writer.node(subtree, &mut large));
@@ -354,7 +358,10 @@ pub(super) fn write<L: Leaves>(inners: &[Inner], root: u32, cost: f32, boxes: &[
         }
         stack
     };
-    let stack = tasks.into_par_iter().map(write).reduce(|| stack, usize::max);
+    let stack = match tasks.len() {
+        0 | 1 => tasks.into_iter().map(write).fold(stack, usize::max),
+        _ => tasks.into_par_iter().map(write).reduce(|| stack, usize::max),
+    };
     Collapsed { arena, root: 0, stack, cost }
 }
 

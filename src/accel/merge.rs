@@ -69,6 +69,11 @@ impl Merged {
         Some((Self { row: instances.len() as u32, names }, together))
     }
 
+    /// True if it holds nobody's triangles.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
     /// True if the instance's triangles are in the merged one.
     pub fn holds(&self, row: usize) -> bool {
         let first = self.names.partition_point(|&(instance, _)| (instance as usize) < row);

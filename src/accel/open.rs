@@ -1,43 +1,126 @@
 //! Where the top level ends and the trees of meshes begin.
 
+use glam::Vec3A;
 use obvhs::aabb::Aabb;
+use rayon::prelude::*;
 
 use super::{
     InstanceRef,
-    bvh8::{KIND, Node, bounds_of},
+    bvh8::{KIND, Node},
     merge::Merged,
-    two_level::{Part, transform_point},
+    two_level::Part,
 };
 use crate::simd::LANES;
+
+/// Instances that a thread looks at at a time.
+pub(super) const SHARE: usize = 1 << 10;
+
+/// What is seen of all instances by looking once at each.
+#[derive(Default)]
+pub(super) struct Seen {
+    /// Of each, a box in the world and its whole mesh; both count for nothing if there is nothing in it.
+    boxes: Vec<Aabb>,
+    parts: Vec<Part>,
+    /// Some have nothing in them.
+    hollow: bool,
+    /// Around everything.
+    pub all: Aabb,
+    /// Half the area of the largest box: of those that stand where they were made, and of others.
+    largest: [f32; 2],
+    /// How many stand where they were made.
+    pub unmoved: usize,
+    /// Rows of those that are in no box.
+    pub unbounded: Vec<u32>,
+    /// The most subtrees that a walk through one of the meshes puts off.
+    pub deepest: usize,
+    /// Some are given by a formula.
+    pub shapes: bool,
+    /// Some mesh is in another structure than the eight-wide tree.
+    pub others: bool,
+}
+
+impl Seen {
+    pub fn of(instances: &[InstanceRef]) -> Self {
+        let look = |(share, instances): (usize, &[InstanceRef])| {
+            let mut seen = Self { all: Aabb::empty(), ..Self::default() };
+            seen.boxes.reserve_exact(instances.len());
+            seen.parts.reserve_exact(instances.len());
+            (share as u32 * SHARE as u32..).zip(instances).for_each(|(row, one)| seen.add(row, one));
+            seen
+        };
+        if instances.len() <= SHARE {
+            return look((0, instances));
+        }
+        let shares: Vec<Self> = instances.par_chunks(SHARE).enumerate().map(look).collect();
+        let mut all = Self { all: Aabb::empty(), ..Self::default() };
+        all.boxes.reserve_exact(instances.len() + 1);
+        all.parts.reserve_exact(instances.len() + 1);
+        for one in shares {
+            all.boxes.extend(one.boxes);
+            all.parts.extend(one.parts);
+            all.hollow |= one.hollow;
+            all.all = all.all.union(&one.all);
+            all.largest = [0, 1].map(|kind| all.largest[kind].max(one.largest[kind]));
+            all.unmoved += one.unmoved;
+            all.unbounded.extend(one.unbounded);
+            all.deepest = all.deepest.max(one.deepest);
+            all.shapes |= one.shapes;
+            all.others |= one.others;
+        }
+        all
+    }
+
+    /// Looks at another, of the next row.
+    pub fn add(&mut self, row: u32, one: &InstanceRef) {
+        let (blas, bounds) = (&*one.blas, world_bounds(one, &one.blas.bounds));
+        let root = blas.root();
+        self.boxes.push(bounds);
+        self.parts.push(Part { instance: row, root: root.unwrap_or_default() });
+        self.hollow |= root.is_none();
+        if bounds.valid() {
+            self.all = self.all.union(&bounds);
+            let largest = &mut self.largest[usize::from(!one.identity)];
+            *largest = largest.max(bounds.half_area());
+        }
+        self.unmoved += usize::from(one.identity);
+        if blas.is_unbounded() {
+            self.unbounded.push(row);
+        }
+        self.deepest = self.deepest.max(blas.tree.stack);
+        self.shapes |= blas.is_shape();
+        self.others |= blas.other.is_some() && !blas.is_shape();
+    }
+}
 
 /// What the top level leads to, with boxes in the world: whole meshes, but of large ones the subtrees.
 ///
 /// Meshes overlap, and the box of a large one says little of where its triangles are; opened, the top level can lead a
 /// ray past what it would have had to enter (Benthin et al. 2017, "Improved Two-Level BVHs using Partial
 /// Re-Braiding"). A part that has a transform of its own costs more to enter, so fewer of those are made.
-pub(super) fn open(
-    instances: &[InstanceRef],
-    merged: &Merged,
-    boxes: Vec<Aabb>,
-    scene_area: f32,
-) -> (Vec<Part>, Vec<Aabb>) {
-    let most = 4 * instances.len() + 2048;
-    let (mut parts, mut bounds) = (Vec::new(), Vec::new());
-    for (row, (instance, whole)) in instances.iter().zip(boxes).enumerate() {
-        let Some(root) = instance.blas.root().filter(|_| !merged.holds(row)) else { continue };
-        parts.push(Part { instance: row as u32, root });
-        bounds.push(whole);
+pub(super) fn open(instances: &[InstanceRef], merged: &Merged, seen: Seen, scene_area: f32) -> (Vec<Part>, Vec<Aabb>) {
+    let Seen { mut parts, boxes: mut bounds, hollow, largest, .. } = seen;
+    if hollow || !merged.is_empty() {
+        let kept: Vec<bool> = parts
+            .iter()
+            .map(|part| {
+                instances[part.instance as usize].blas.root().is_some() && !merged.holds(part.instance as usize)
+            })
+            .collect();
+        let [mut of_parts, mut of_bounds] = [kept.iter(), kept.iter()];
+        parts.retain(|_| *of_parts.next().expect("one for each"));
+        bounds.retain(|_| *of_bounds.next().expect("one for each"));
     }
-    if parts.len() == 1 {
+    let least = [OPEN_IDENTITY, OPEN_PLACED].map(|share| share * scene_area);
+    if parts.len() == 1 || (0..2).all(|kind| largest[kind] <= least[kind]) {
         return (parts, bounds);
     }
+    let most = 4 * instances.len() + 2048;
     // Breadth first, so that the largest come before the budget is spent.
     let mut next = 0;
     while next < parts.len() && parts.len() + LANES <= most {
         let Part { instance: row, root } = parts[next];
         let instance = &instances[row as usize];
-        let least = scene_area * if instance.identity { OPEN_IDENTITY } else { OPEN_PLACED };
-        if root & KIND != 0 || bounds[next].half_area() <= least {
+        if root & KIND != 0 || bounds[next].half_area() <= least[usize::from(!instance.identity)] {
             next += 1;
             continue;
         }
@@ -67,20 +150,18 @@ pub(super) fn world_bounds(instance: &InstanceRef, local: &Aabb) -> Aabb {
     if instance.identity {
         return *local;
     }
-    let (lo, hi) = (local.min.to_array(), local.max.to_array());
     let m = &instance.world_from_local;
-    let corner =
-        |i: u32| -> [f32; 3] { std::array::from_fn(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }) };
-    let mut bounds = bounds_of((0..8).map(|i| transform_point(m, corner(i))));
-    for row in 0..3 {
-        let size = |axis: usize| lo[axis].abs().max(hi[axis].abs());
-        let scale = (0..3).map(|axis| m[row * 4 + axis].abs() * size(axis)).sum::<f32>() + m[row * 4 + 3].abs();
-        // The transform there and the ray's way back round a few times each.
-        let grow = 16.0 * f32::EPSILON * scale;
-        bounds.min[row] -= grow;
-        bounds.max[row] += grow;
-    }
-    bounds
+    let [x, y, z, offset] = [0, 1, 2, 3].map(|column| Vec3A::new(m[column], m[4 + column], m[8 + column]));
+    let (lo, hi) = (local.min, local.max);
+    // Rounding keeps order, so that the least sum of products is the sum of the least, bit for bit that of a corner.
+    let [lower, upper] = [Vec3A::min, Vec3A::max].map(|end: fn(Vec3A, Vec3A) -> Vec3A| {
+        end(x * lo.x, x * hi.x) + end(y * lo.y, y * hi.y) + end(z * lo.z, z * hi.z) + offset
+    });
+    let size = lo.abs().max(hi.abs());
+    let scale = x.abs() * size.x + y.abs() * size.y + z.abs() * size.z + offset.abs();
+    // The transform there and the ray's way back round a few times each.
+    let grow = 16.0 * f32::EPSILON * scale;
+    Aabb::new(lower - grow, upper + grow)
 }
 
 #[cfg(test)]
@@ -88,7 +169,27 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::accel::{Accel, AccelKind, Blas, family, tests::placed};
+    use crate::accel::{Accel, AccelKind, Blas, bvh8::bounds_of, family, tests::placed, two_level::transform_point};
+
+    /// The box is that of the eight corners, each transformed as a ray's start is, and grown.
+    #[test]
+    fn boxes_in_the_world_hold_the_transformed_corners() {
+        let mut random = crate::accel::tests::numbers(5);
+        for _ in 0..2000 {
+            let mut some = |size: f32| -> [f32; 12] { std::array::from_fn(|_| size * (random() - 0.5)) };
+            let [a, b] = [some(10.0), some(1e3)];
+            let corners = [[a[0], a[1], a[2]], [a[3], a[4], a[5]]];
+            let local = bounds_of(corners);
+            let instance =
+                InstanceRef { world_from_local: b, identity: false, ..InstanceRef::unmoved(Arc::new(Blas::default())) };
+            let bounds = world_bounds(&instance, &local);
+            let corner = |i: usize| std::array::from_fn(|axis| [local.min, local.max][i >> axis & 1][axis]);
+            let tight = bounds_of((0..8).map(|i| transform_point(&b, corner(i))));
+            let grown = [tight.min - bounds.min, bounds.max - tight.max];
+            let most = 16.0 * f32::EPSILON * 4.0 * 5000.0;
+            assert!(grown.iter().all(|by| by.min_element() > 0.0 && by.max_element() < most), "{grown:?}");
+        }
+    }
 
     /// A floor of 20,000 triangles stands among small things: the top level sees its parts, but those whole.
     #[test]

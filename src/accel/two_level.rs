@@ -2,9 +2,6 @@
 
 use std::sync::Arc;
 
-use obvhs::aabb::Aabb;
-use rayon::prelude::*;
-
 use super::{
     Blas, Coverage, Rays,
     bvh8::{Bvh8, INSTANCE, Stack},
@@ -13,7 +10,7 @@ use super::{
     merge::Merged,
     mesh::Other,
     opacity::Opacity,
-    open::{open, world_bounds},
+    open::{SHARE, Seen, open},
     packet, queue, slot,
     structure::{Counters, Nearest},
     triangle::{Ray, TriangleHit},
@@ -120,24 +117,33 @@ pub(crate) fn transform_vector(m: &[f32; 12], v: [f32; 3]) -> [f32; 3] {
 impl Accel {
     /// Over placed meshes, in the order of their rows.
     pub fn build(instances: Vec<InstanceRef>) -> Self {
-        let boxes: Vec<Aabb> = instances.par_iter().map(|one| world_bounds(one, &one.blas.bounds)).collect();
-        let all = boxes.iter().filter(|one| one.valid()).fold(Aabb::empty(), |all, one| all.union(one));
-        let (placed, mut boxes) = (instances.len(), boxes);
-        let (merged, together) = Merged::of(&instances).unzip();
+        // Threads are woken once, and only if it takes longer than that.
+        if instances.len() > SHARE {
+            rayon::scope(|_| Self::build_here(instances))
+        } else {
+            Self::build_here(instances)
+        }
+    }
+
+    fn build_here(mut instances: Vec<InstanceRef>) -> Self {
+        let placed = instances.len();
+        let mut seen = Seen::of(&instances);
+        let (merged, together) = if seen.unmoved > 1 { Merged::of(&instances).unzip() } else { (None, None) };
         let merged = merged.unwrap_or_default();
-        boxes.extend(together.iter().map(|one| one.blas.bounds));
-        let instances: Vec<InstanceRef> = instances.into_iter().chain(together).collect();
-        let (parts, boxes) = open(&instances, &merged, boxes, all.half_area());
-        let is_shape = |part: u32| instances[parts[part as usize].instance as usize].blas.is_shape();
+        let all = seen.all;
+        if let Some(together) = together {
+            seen.add(placed as u32, &together);
+            instances.push(together);
+        }
+        let unbounded = std::mem::take(&mut seen.unbounded);
+        let Seen { deepest, shapes, others, .. } = seen;
+        let (parts, boxes) = open(&instances, &merged, seen, all.half_area());
+        let is_shape = |part: u32| shapes && instances[parts[part as usize].instance as usize].blas.is_shape();
         let reference = |part: u32| part | if is_shape(part) { SHAPE } else { INSTANCE };
         let tree = Bvh8::top(&boxes, &References(reference));
         let alone = parts.len() == 1 && !is_shape(0);
-        let rows = 0..instances.len() as u32;
-        let unbounded = rows.filter(|&row| instances[row as usize].blas.is_unbounded()).collect();
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
-        let deepest = instances.iter().map(|one| one.blas.tree.stack).max().unwrap_or(0);
         let deep = tree.stack + deepest + 1 > slot::STACK;
-        let others = instances.iter().any(|one| one.blas.other.is_some() && !one.blas.is_shape());
         Self { tree, instances, placed, merged, parts, alone, unbounded, bounds, deep, others }
     }
 

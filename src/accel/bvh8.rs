@@ -75,22 +75,24 @@ pub(super) struct Bvh8 {
 impl Bvh8 {
     /// Over boxes; those that are empty (lower above upper) are left out.
     pub fn build<L: Leaves>(boxes: &[Aabb], quality: Quality, leaves: &L) -> Self {
-        let mut rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| boxes[row as usize].valid()).collect();
-        if rows.len() < 2 {
-            let mut arena = Arena::zeroed(L::granules(1) * rows.len());
-            let root = (!rows.is_empty()).then(|| leaves.write(&mut rows, 0, arena.granules_mut()));
-            let cost = rows.first().map_or(0.0, |&row| leaf_cost(1) * boxes[row as usize].half_area());
-            return Self { root, arena, cost, ..Self::default() };
-        }
-        let start = Instant::now();
-        let binary = pair(boxes, &rows, quality);
-        let binary_time = start.elapsed();
-        let Collapsed { arena, root, stack, cost } = collapse(&binary, boxes, leaves);
-        Self { arena, root: Some(root), stack, cost, binary_time }
+        Self::over(boxes, leaves, |rows| {
+            let start = Instant::now();
+            let binary = pair(boxes, rows, quality);
+            let binary_time = start.elapsed();
+            (collapse(&binary, boxes, leaves), binary_time)
+        })
     }
 
     /// As [`Bvh8::build`], in as little time as there can be.
     pub fn top<L: Leaves>(boxes: &[Aabb], leaves: &L) -> Self {
+        Self::over(boxes, leaves, |rows| {
+            let (inners, root) = cluster::<L>(boxes, rows);
+            (write(&inners, &root, boxes, leaves), Duration::ZERO)
+        })
+    }
+
+    /// A tree over all boxes that are not empty, of which there are two at least where `make` is called.
+    fn over<L: Leaves>(boxes: &[Aabb], leaves: &L, make: impl FnOnce(&[u32]) -> (Collapsed, Duration)) -> Self {
         let mut rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| boxes[row as usize].valid()).collect();
         if rows.len() < 2 {
             let mut arena = Arena::zeroed(L::granules(1) * rows.len());
@@ -98,9 +100,8 @@ impl Bvh8 {
             let cost = rows.first().map_or(0.0, |&row| leaf_cost(1) * boxes[row as usize].half_area());
             return Self { root, arena, cost, ..Self::default() };
         }
-        let (inners, root) = cluster::<L>(boxes, &rows);
-        let Collapsed { arena, root, stack, cost } = write(&inners, root.reference, root.cost(), boxes, leaves);
-        Self { arena, root: Some(root), stack, cost, ..Self::default() }
+        let (Collapsed { arena, root, stack, cost }, binary_time) = make(&rows);
+        Self { arena, root: Some(root), stack, cost, binary_time }
     }
 
     /// Bytes held.
@@ -250,6 +251,7 @@ impl Node {
 }
 
 /// The box around points.
+#[cfg(test)]
 pub(super) fn bounds_of(points: impl IntoIterator<Item = [f32; 3]>) -> Aabb {
     let mut bounds = Aabb::empty();
     for point in points {
@@ -336,6 +338,9 @@ mod tests {
             every(&|_| Aabb::LARGEST),
             every(&|_| Aabb::INFINITY),
             every(&|i| around(i, 1e30)),
+            every(&|i| point([if i % 3 == 0 { f32::MAX } else { f32::MIN }; 3])),
+            every(&|i| point([if i % 3 == 0 { f32::MAX } else { f32::MIN }, 0.0, 0.0])),
+            every(&|i| point([1e30 * i as f32; 3])),
             mixed,
         ];
         for (scene, boxes) in scenes.iter().enumerate() {

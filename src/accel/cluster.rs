@@ -9,16 +9,15 @@
 //! the nearest cache; its coordinates are in columns, of which eight are looked at at a time. What is best made of a node is
 //! found as it is joined.
 
+use std::cell::Cell;
+
 use bytemuck::zeroed_vec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 use wide::{f32x8, i32x8};
 
-use super::{
-    binary::union,
-    collapse::{Inner, Leaves, Solved},
-};
+use super::collapse::{Inner, Leaves, Solved};
 use crate::simd::LANES;
 
 /// How far along the curve a partner is looked for, to either side.
@@ -36,7 +35,7 @@ pub(super) fn cluster<L: Leaves>(boxes: &[Aabb], rows: &[u32]) -> (Vec<Inner>, S
     let pieces = order.len().div_ceil(PIECE);
     if pieces == 1 {
         let mut inners = zeroed_vec(order.len());
-        let below = order.iter().map(|&row| Solved::primitive::<L>(row, &boxes[row as usize])).collect();
+        let below = order.iter().map(|&row| Solved::primitive::<L>(row, &boxes[row as usize]));
         let root = join::<L>(below, 1, 0, &mut inners).pop().expect("one cluster");
         return (inners, root);
     }
@@ -46,33 +45,45 @@ pub(super) fn cluster<L: Leaves>(boxes: &[Aabb], rows: &[u32]) -> (Vec<Inner>, S
     let parts = own.par_chunks_mut(size).zip(order.par_chunks(size)).enumerate();
     let left: Vec<Vec<Solved>> = parts
         .map(|(piece, (inners, rows))| {
-            let below = rows.iter().map(|&row| Solved::primitive::<L>(row, &boxes[row as usize])).collect();
+            let below = rows.iter().map(|&row| Solved::primitive::<L>(row, &boxes[row as usize]));
             join::<L>(below, LEFT, (piece * size) as u32, inners)
         })
         .collect();
-    let root = join::<L>(left.concat(), 1, order.len() as u32, top).pop().expect("one cluster");
+    let root = join::<L>(left.into_iter().flatten(), 1, order.len() as u32, top).pop().expect("one cluster");
     (inners, root)
 }
 
 /// Joins clusters until no more than `most` are left, and returns those. The nodes made stand from `start` on.
-fn join<L: Leaves>(mut known: Vec<Solved>, most: usize, start: u32, inners: &mut [Inner]) -> Vec<Solved> {
-    let mut clusters = Clusters::new(known.iter().map(|one| &one.bounds));
+fn join<L: Leaves>(below: impl Iterator<Item = Solved>, most: usize, start: u32, inners: &mut [Inner]) -> Vec<Solved> {
+    let (mut known, mut clusters) = SCRATCH.take();
+    known.clear();
+    known.extend(below);
+    clusters.set(known.iter().map(|one| &one.bounds));
     while clusters.count > most {
         clusters.round();
     }
-    known.reserve_exact(clusters.joined);
     for ((place, &[first, second]), into) in (start..).zip(&clusters.pairs[..clusters.joined]).zip(inners) {
         let (solved, inner) = Solved::over::<L>(&known[first as usize], &known[second as usize], place);
         *into = inner;
         known.push(solved);
     }
-    clusters.names[..clusters.count].iter().map(|&name| known[name as usize]).collect()
+    let left = clusters.names[..clusters.count].iter().map(|&name| known[name as usize]).collect();
+    if known.len() <= 2 * PIECE {
+        SCRATCH.set((known, clusters));
+    }
+    left
+}
+
+thread_local! {
+    /// Kept, because the system would take it back after each piece and clear it for the next.
+    static SCRATCH: Cell<(Vec<Solved>, Clusters)> = Cell::default();
 }
 
 /// Boxes behind the last cluster: the rest of a block, and the partners of its last one.
 const BEHIND: usize = LANES + RADIUS.next_multiple_of(LANES);
 
 /// Clusters in the order of the curve.
+#[derive(Default)]
 struct Clusters {
     count: usize,
     /// Their boxes, the lower corner with its sign turned, so that the greater coordinates are those of the union; behind
@@ -98,24 +109,21 @@ struct Clusters {
 const EVERYWHERE: f32x8 = f32x8::new([f32::INFINITY; LANES]);
 
 impl Clusters {
-    fn new<'a>(all: impl ExactSizeIterator<Item = &'a Aabb>) -> Self {
+    /// Begins anew with these.
+    fn set<'a>(&mut self, all: impl ExactSizeIterator<Item = &'a Aabb>) {
         let count = all.len();
         let size = count.next_multiple_of(LANES) + BEHIND;
-        let mut boxes = Vec::with_capacity(size);
-        boxes.extend(all.map(|Aabb { min, max }| f32x8::new([-min.x, -min.y, -min.z, 0.0, max.x, max.y, max.z, 0.0])));
-        boxes.resize(size, EVERYWHERE);
-        Self {
-            count,
-            boxes,
-            names: (0..count as u32).collect(),
-            partner: vec![0; size],
-            pairs: vec![[0; 2]; count],
-            joined: 0,
-            given: count as u32,
-            stuck: false,
-            planes: std::array::from_fn(|_| vec![0.0; size]),
-            areas: std::array::from_fn(|_| vec![f32::INFINITY; LANES + size]),
-        }
+        self.boxes.clear();
+        self.boxes
+            .extend(all.map(|Aabb { min, max }| f32x8::new([-min.x, -min.y, -min.z, 0.0, max.x, max.y, max.z, 0.0])));
+        self.boxes.resize(size, EVERYWHERE);
+        self.names.clear();
+        self.names.extend(0..count as u32);
+        self.partner.resize(size, 0);
+        self.pairs.resize(count, [0; 2]);
+        self.planes.iter_mut().for_each(|plane| plane.resize(size, 0.0));
+        self.areas.iter_mut().for_each(|areas| areas.resize(LANES + size, f32::INFINITY));
+        (self.count, self.given, self.joined, self.stuck) = (count, count as u32, 0, false);
     }
 
     /// Joins pairs.
@@ -276,5 +284,71 @@ fn sort(items: &mut Vec<u64>) {
             *place += 1;
         }
         std::mem::swap(items, &mut sorted);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{binary::union, bvh8::bounds_of, tests::numbers};
+
+    /// However many: by the upper halves, and otherwise as they were.
+    #[test]
+    fn items_are_sorted_by_their_upper_halves() {
+        let mut random = numbers(3);
+        for (count, values) in [(0, 1.0), (1, 1.0), (500, 50.0), (511, 1e9), (512, 4e9), (5000, 3.0), (30_000, 4e9)] {
+            let mut items: Vec<u64> =
+                (0..count).map(|at| (f64::from(random()) * values) as u64 >> 1 << 33 | at).collect();
+            let mut expected = items.clone();
+            expected.sort_by_key(|item| item >> 32);
+            sort(&mut items);
+            assert!(items == expected, "{count}");
+        }
+    }
+
+    /// Points on a line stay in their order, also where all but one are within a thousandth of the whole; and each row is
+    /// there once.
+    #[test]
+    fn what_is_near_on_a_line_is_near_on_the_curve() {
+        for (step, far) in [(1.0, 0.0), (1e-3, 1e3), (0.0, 1e3), (1e35, 0.0), (1.0, f32::INFINITY)] {
+            // Every seventh of them in turn.
+            let place = |row: u32| row * 7 % 1000;
+            let mut boxes: Vec<Aabb> = (0..1000).map(|row| bounds_of([[step * place(row) as f32, 0.0, 0.0]])).collect();
+            boxes.push(bounds_of([[far; 3]]));
+            let rows: Vec<u32> = (0..boxes.len() as u32).filter(|&row| far > 0.0 || row < 1000).collect();
+            let mut ordered = order(&boxes, &rows);
+            let along: Vec<f32> = ordered.iter().map(|&row| boxes[row as usize].min.x).collect();
+            // Of an infinite place no more is known than that it is one.
+            assert!(along.iter().filter(|x| x.is_finite()).is_sorted(), "{step} {far}");
+            ordered.sort_unstable();
+            assert!(ordered == rows);
+        }
+    }
+
+    /// Where all prefer the one before, by however little, there are as many rounds as where they do not: half of those
+    /// left, or an eighth and then half.
+    #[test]
+    fn rounds_are_few_whatever_the_order_of_sizes() {
+        let growing = |i: f32| 1.0 + 1e-4 * i;
+        let sizes: [&dyn Fn(f32) -> f32; 4] = [&|_| 1.0, &growing, &|i| 1.0 / growing(i), &|i| (i * 0.7).sin() + 2.0];
+        for (kind, size) in sizes.iter().enumerate() {
+            let boxes: Vec<Aabb> = (0..1000).map(|i| size(i as f32)).map(|r| bounds_of([[-r; 3], [r; 3]])).collect();
+            let mut clusters = Clusters::default();
+            clusters.set(boxes.iter());
+            let mut rounds = 0;
+            while clusters.count > 1 {
+                clusters.round();
+                rounds += 1;
+            }
+            assert!(rounds <= 30, "{kind}: {rounds}");
+            let whole = clusters.boxes[0].to_array();
+            let all = union(boxes.into_iter());
+            assert_eq!([-whole[0], whole[6]], [all.min.x, all.max.z]);
+            assert_eq!(clusters.joined, 999);
+            // All are in it, and nothing that is not: each cluster is joined once.
+            let mut joined: Vec<u32> = clusters.pairs[..999].iter().flatten().copied().collect();
+            joined.sort_unstable();
+            assert!(joined.into_iter().eq(0..1998));
+        }
     }
 }

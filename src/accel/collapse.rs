@@ -115,7 +115,7 @@ pub(super) struct Solved {
     pub bounds: Aabb,
     count: u32,
     /// Of the inner node or the primitive.
-    pub reference: u32,
+    reference: u32,
 }
 
 /// Costs and granules. With infinities before the costs, those with so many places less can be read in one go; what is
@@ -205,13 +205,13 @@ impl Shares {
                 }
                 all
             };
-            for own in 2..LANES {
+            for (own, &to_first) in TO_FIRST.iter().enumerate().skip(2) {
                 let (candidate, size) = share(own);
                 let better = candidate.simd_lt(cost);
                 cost = better.bitselect(candidate, cost);
                 let better: u32x8 = bytemuck::cast(better);
                 granules = better.bitselect(size, granules);
-                places = better.bitselect(u32x8::new(TO_FIRST[own]), places);
+                places = better.bitselect(u32x8::new(to_first), places);
             }
         }
         Self { cost, granules, to_first: places }
@@ -223,11 +223,6 @@ impl Solved {
         let cost = f32x8::splat(leaf_cost(1) * bounds.half_area());
         let granules = u32x8::splat(L::granules(1) as u32);
         Self { columns: Columns::new(cost, granules), bounds: *bounds, count: 1, reference: row | ROW }
-    }
-
-    /// With one place.
-    pub fn cost(&self) -> f32 {
-        self.columns.cost[0]
     }
 
     /// Of the node over two subtrees, which is `reference`.
@@ -325,12 +320,13 @@ pub(super) struct Collapsed {
 
 /// Collapses a binary tree of at least two leaves, whose own boxes are not looked at.
 pub(super) fn collapse<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb], leaves: &L) -> Collapsed {
-    let (inners, cost) = plan::<L>(binary, boxes);
-    write(&inners, 0, cost, boxes, leaves)
+    let (inners, root) = plan::<L>(binary, boxes);
+    write(&inners, &root, boxes, leaves)
 }
 
-/// Writes the wide nodes and leaves below the inner node `root`.
-pub(super) fn write<L: Leaves>(inners: &[Inner], root: u32, cost: f32, boxes: &[Aabb], leaves: &L) -> Collapsed {
+/// Writes what is planned below an inner node.
+pub(super) fn write<L: Leaves>(inners: &[Inner], root: &Solved, boxes: &[Aabb], leaves: &L) -> Collapsed {
+    let (root, cost) = (root.reference, root.columns.cost[0]);
     let whole = &inners[root as usize];
     assert!(whole.granules < QUAD, "16 GiB of one mesh");
     let writer = Writer { inners, boxes, leaves };
@@ -365,8 +361,8 @@ pub(super) fn write<L: Leaves>(inners: &[Inner], root: u32, cost: f32, boxes: &[
     Collapsed { arena, root: 0, stack, cost }
 }
 
-/// The inner nodes of a binary tree with what is best made of each, the root first; and what it costs.
-fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> (Vec<Inner>, f32) {
+/// The inner nodes of a binary tree with what is best made of each, the root first; and the root.
+fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> (Vec<Inner>, Solved) {
     // What is left of a walk by levels are the roots of pieces.
     let mut roots = VecDeque::from([0_u32]);
     while roots.len() < binary.len() / (2 * PIECE_SIZE)
@@ -390,7 +386,7 @@ fn plan<L: Leaves>(binary: &[Bvh2Node], boxes: &[Aabb]) -> (Vec<Inner>, f32) {
     let solved: Vec<Solved> =
         parts.into_par_iter().map(|(list, start, into)| solve::<L>(list, start, boxes, &[], into)).collect();
     let whole = solve::<L>(&above, 0, boxes, &solved, top);
-    (inners, whole.cost())
+    (inners, whole)
 }
 
 /// A wide node to write with all that is below it.

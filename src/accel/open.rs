@@ -1,5 +1,6 @@
 //! Where the top level ends and the trees of meshes begin.
 
+use bytemuck::zeroed_vec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
@@ -41,41 +42,55 @@ pub(super) struct Seen {
 
 impl Seen {
     pub fn of(instances: &[InstanceRef]) -> Self {
-        let look = |(share, instances): (usize, &[InstanceRef])| {
-            let mut seen = Self { all: Aabb::empty(), ..Self::default() };
-            seen.boxes.reserve_exact(instances.len());
-            seen.parts.reserve_exact(instances.len());
-            (share as u32 * SHARE as u32..).zip(instances).for_each(|(row, one)| seen.add(row, one));
-            seen
+        let mut boxes: Vec<Aabb> = zeroed_vec(instances.len());
+        let mut parts = vec![Part { instance: 0, root: 0 }; instances.len()];
+        let mut all = match instances.len() {
+            ..=SHARE => Self::share(0, instances, &mut boxes, &mut parts),
+            _ => {
+                let places = boxes.par_chunks_mut(SHARE).zip(parts.par_chunks_mut(SHARE));
+                let shares = instances.par_chunks(SHARE).enumerate().zip(places);
+                let shares: Vec<Self> = shares
+                    .map(|((share, instances), (boxes, parts))| Self::share(share * SHARE, instances, boxes, parts))
+                    .collect();
+                shares.into_iter().reduce(Self::and).unwrap_or_default()
+            }
         };
-        if instances.len() <= SHARE {
-            return look((0, instances));
-        }
-        let shares: Vec<Self> = instances.par_chunks(SHARE).enumerate().map(look).collect();
-        let mut all = Self { all: Aabb::empty(), ..Self::default() };
-        all.boxes.reserve_exact(instances.len() + 1);
-        all.parts.reserve_exact(instances.len() + 1);
-        for one in shares {
-            all.boxes.extend(one.boxes);
-            all.parts.extend(one.parts);
-            all.hollow |= one.hollow;
-            all.all = all.all.union(&one.all);
-            all.largest = [0, 1].map(|kind| all.largest[kind].max(one.largest[kind]));
-            all.unmoved += one.unmoved;
-            all.unbounded.extend(one.unbounded);
-            all.deepest = all.deepest.max(one.deepest);
-            all.shapes |= one.shapes;
-            all.others |= one.others;
-        }
+        (all.boxes, all.parts) = (boxes, parts);
         all
     }
 
-    /// Looks at another, of the next row.
+    /// Of those from a row on, whose boxes and parts are written.
+    fn share(start: usize, instances: &[InstanceRef], boxes: &mut [Aabb], parts: &mut [Part]) -> Self {
+        let mut seen = Self { all: Aabb::empty(), ..Self::default() };
+        for (((bounds, part), row), one) in boxes.iter_mut().zip(parts).zip(start as u32..).zip(instances) {
+            (*bounds, *part) = seen.look(row, one);
+        }
+        seen
+    }
+
+    /// With what was seen of those that follow.
+    fn and(mut self, mut next: Self) -> Self {
+        self.hollow |= next.hollow;
+        self.all = self.all.union(&next.all);
+        self.largest = [0, 1].map(|kind| self.largest[kind].max(next.largest[kind]));
+        self.unmoved += next.unmoved;
+        self.unbounded.append(&mut next.unbounded);
+        self.deepest = self.deepest.max(next.deepest);
+        self.shapes |= next.shapes;
+        self.others |= next.others;
+        self
+    }
+
+    /// Adds another, of the next row.
     pub fn add(&mut self, row: u32, one: &InstanceRef) {
+        let (bounds, part) = self.look(row, one);
+        self.boxes.push(bounds);
+        self.parts.push(part);
+    }
+
+    fn look(&mut self, row: u32, one: &InstanceRef) -> (Aabb, Part) {
         let (blas, bounds) = (&*one.blas, world_bounds(one, &one.blas.bounds));
         let root = blas.root();
-        self.boxes.push(bounds);
-        self.parts.push(Part { instance: row, root: root.unwrap_or_default() });
         self.hollow |= root.is_none();
         if bounds.valid() {
             self.all = self.all.union(&bounds);
@@ -89,6 +104,7 @@ impl Seen {
         self.deepest = self.deepest.max(blas.tree.stack);
         self.shapes |= blas.is_shape();
         self.others |= blas.other.is_some() && !blas.is_shape();
+        (bounds, Part { instance: row, root: root.unwrap_or_default() })
     }
 }
 

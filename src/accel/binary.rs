@@ -28,14 +28,14 @@ pub(super) fn pair(boxes: &[Aabb], rows: &[u32], quality: Quality) -> Vec<Bvh2No
     let mut tree = Bvh2::zeroed(rows.len());
     match quality {
         Quality::Fast => builder.build_ploc_from_leaves::<2, false>(&mut tree, whole, SortPrecision::U64, 0),
-        Quality::Good => builder.build_ploc_from_leaves::<14, false>(&mut tree, whole, SortPrecision::U64, 3),
+        Quality::Good => builder.build_ploc_from_leaves::<24, false>(&mut tree, whole, SortPrecision::U64, 2),
         Quality::Best => builder.build_ploc_from_leaves::<24, false>(&mut tree, whole, SortPrecision::U128, 2),
     }
     drop(builder);
     let mut optimizer = ReinsertionOptimizer::default();
     let ratios: &[f32] = match quality {
         Quality::Fast => &[0.01],
-        Quality::Good => &[0.05, 0.1],
+        Quality::Good => &[0.02, 0.06],
         Quality::Best => &[0.2, 0.4],
     };
     for &ratio in ratios {

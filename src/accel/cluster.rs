@@ -17,7 +17,10 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 use wide::{f32x8, i32x8};
 
-use super::collapse::{Inner, Leaves, Solved};
+use super::{
+    collapse::Leaves,
+    plan::{Inner, Solved},
+};
 use crate::simd::LANES;
 
 /// How far along the curve a partner is looked for, to either side.

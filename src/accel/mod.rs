@@ -37,6 +37,7 @@ mod octree;
 mod opacity;
 mod open;
 mod packet;
+mod plan;
 mod polytope;
 mod queue;
 mod refit;

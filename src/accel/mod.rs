@@ -132,6 +132,39 @@ mod tests {
         }
     }
 
+    /// Missing children are boxes that what is not a number would meet, and lead back to the root: walks that never end.
+    #[test]
+    fn rays_from_nowhere_hit_nothing_and_come_to_an_end() {
+        for count in [3, 11, 20, 300] {
+            let mut u = numbers(count);
+            let triangles: Vec<[[f32; 3]; 3]> = (0..count).map(|_| [0; 3].map(|_| [u(), u(), u()])).collect();
+            let blas = Arc::new(Blas::build(&triangles));
+            let one = placed(&blas, 0.5, 0.1);
+            for instances in [vec![placed(&blas, 1.0, 0.0)], vec![one.clone()], vec![one.clone(), one]] {
+                let accel = Accel::build(instances);
+                for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38] {
+                    for place in 0..7 {
+                        let mut ray = [0.5, 0.5, 0.5, 0.3, -0.8, 3e38];
+                        if place < 6 {
+                            ray[place] = bad;
+                        } else {
+                            ray[..3].fill(bad);
+                        }
+                        let ([ox, oy, oz], [dx, dy, dz]) = ([ray[0], ray[1], ray[2]], [ray[3], ray[4], ray[5]]);
+                        let rays = RayList(vec![([ox, oy, oz], [dx, dy, dz], f32::INFINITY); 3]);
+                        let finite = bad == 1e38;
+                        accel.nearest_of(&rays, &Solid, |_, hit| assert!(finite || *hit == NO_HIT));
+                        accel.occluded_of(&rays, &Solid, |_, hit| assert!(finite || !hit));
+                        let stacks = &mut Stacks::default();
+                        let hit = accel.nearest(rays.0[0].0, rays.0[0].1, f32::INFINITY, 0, &Solid, stacks);
+                        assert!(finite || hit == NO_HIT);
+                        accel.occluded(rays.0[0].0, rays.0[0].1, f32::INFINITY, 0, &Solid, stacks);
+                    }
+                }
+            }
+        }
+    }
+
     /// 2,000 rays through 300 triangles, placed once, then three times: the same hit as testing every triangle.
     #[test]
     fn the_trees_find_what_brute_force_finds() {

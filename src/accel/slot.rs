@@ -289,6 +289,10 @@ impl<'a> Slot<'a> {
         self.top = 0;
         self.arena = accel.tree.arena.granules();
         self.current = accel.tree.root.unwrap_or(DONE);
+        if !self.ray.is_finite() {
+            self.current = DONE;
+            return;
+        }
         if !accel.unbounded.is_empty() {
             let (t_max, best) = (&mut self.t_max, &mut self.best);
             accel.meet_unbounded(&self.ray, t_max, best, self.id, coverage);
@@ -300,7 +304,7 @@ impl<'a> Slot<'a> {
         }
         if accel.alone && self.current != DONE {
             // There is nothing to come back to.
-            self.go_into(accel);
+            self.go_into::<DONE>(accel);
         } else {
             self.world = self.ray;
         }
@@ -328,11 +332,12 @@ impl<'a> Slot<'a> {
     #[inline(always)]
     pub fn enter(&mut self, accel: &'a Accel) {
         self.put_off(LEAVE);
-        self.go_into(accel);
+        self.go_into::<LEAVE>(accel);
     }
 
+    /// Goes on with `ELSE` if the ray cannot be seen from there.
     #[inline(always)]
-    fn go_into(&mut self, accel: &'a Accel) {
+    fn go_into<const ELSE: u32>(&mut self, accel: &'a Accel) {
         let part = accel.parts[(self.current & !KIND) as usize];
         let instance = &accel.instances[part.instance as usize];
         self.instance = part.instance;
@@ -342,6 +347,10 @@ impl<'a> Slot<'a> {
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;
         fetch(self.arena, self.current);
+        if !instance.identity && !self.ray.is_finite() {
+            self.current = ELSE;
+            self.top = self.top.saturating_sub(1);
+        }
     }
 
     /// [`Slot::leave`] if that is next: so soon after a leaf it often is.

@@ -90,6 +90,14 @@ impl Ray {
         }
     }
 
+    /// False if it starts nowhere or leads nowhere: no triangle is hit by that, but boxes are met, those of missing children too,
+    /// because the slab test passes over what is not a number.
+    #[inline(always)]
+    pub(super) fn is_finite(&self) -> bool {
+        let zero = |of: [f32; 3]| of[0] * 0.0 + of[1] * 0.0 + of[2] * 0.0;
+        zero(self.origin) + zero(self.direction) == 0.0
+    }
+
     /// 1 if it runs towards smaller coordinates of an axis, else 0.
     #[inline(always)]
     pub fn negative(&self, axis: usize) -> usize {

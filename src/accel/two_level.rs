@@ -178,6 +178,9 @@ impl Accel {
         let mut best = NO_HIT;
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
+        if !ray.is_finite() {
+            return best;
+        }
         if !self.unbounded.is_empty() {
             self.meet_unbounded(&ray, &mut t_max, &mut best, ray_id, coverage);
         }
@@ -257,6 +260,9 @@ impl Accel {
     ) -> bool {
         let ray = Ray::new(origin, direction);
         let mut t_max = t_max;
+        if !ray.is_finite() {
+            return false;
+        }
         if !self.unbounded.is_empty() {
             let mut best = NO_HIT;
             self.meet_unbounded(&ray, &mut t_max, &mut best, ray_id, coverage);
@@ -318,16 +324,14 @@ pub(super) fn to_local(instance: &InstanceRef, origin: [f32; 3], direction: [f32
     Ray::new(transform_point(m, origin), transform_vector(m, direction))
 }
 
-/// Calls `look` with the ray as the instance's mesh sees it.
+/// Calls `look` with the ray as the instance's mesh sees it, if it can be seen from there.
 #[inline(always)]
-fn in_local<T>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) -> T {
-    let local;
-    look(if instance.identity {
-        ray
-    } else {
-        local = to_local(instance, ray.origin, ray.direction);
-        &local
-    })
+fn in_local<T: Default>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) -> T {
+    if instance.identity {
+        return look(ray);
+    }
+    let local = to_local(instance, ray.origin, ray.direction);
+    if local.is_finite() { look(&local) } else { T::default() }
 }
 
 #[inline(always)]

@@ -142,6 +142,9 @@ mod tests {
             let one = placed(&blas, 0.5, 0.1);
             for instances in [vec![placed(&blas, 1.0, 0.0)], vec![one.clone()], vec![one.clone(), one]] {
                 let accel = Accel::build(instances);
+                let endless = RayList(vec![([0.5; 3], [0.3, -0.8, 0.1], f32::NAN); 3]);
+                accel.nearest_of(&endless, &Solid, |_, hit| assert_eq!(*hit, NO_HIT));
+                accel.occluded_of(&endless, &Solid, |_, hit| assert!(!hit));
                 for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38] {
                     for place in 0..7 {
                         let mut ray = [0.5, 0.5, 0.5, 0.3, -0.8, 3e38];

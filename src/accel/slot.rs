@@ -289,7 +289,8 @@ impl<'a> Slot<'a> {
         self.top = 0;
         self.arena = accel.tree.arena.granules();
         self.current = accel.tree.root.unwrap_or(DONE);
-        if !self.ray.is_finite() {
+        // Nothing is nearer than an end that is not a number, not even the end of the walk.
+        if !self.ray.is_finite() || t_max.is_nan() {
             self.current = DONE;
             return;
         }

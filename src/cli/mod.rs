@@ -98,11 +98,12 @@ pub fn run() -> ExitCode {
 /// Threads and Ctrl-C.
 fn start(common: &Common) -> Result<(), CliError> {
     interrupt::install();
-    if let Some(threads) = common.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
-        pool.build_global().map_err(|error| CliError::Usage(format!("cannot start {threads} threads: {error}")))?;
-    }
-    Ok(())
+    let threads = common.threads.map_or(0, NonZeroUsize::get);
+    // This thread is one of them. Were it to hand its work to another and sleep, the system could take milliseconds to
+    // find a third a core, as the first of them has only just left one: a top level of 10,000 instances then took twice
+    // as long.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread();
+    pool.build_global().map_err(|error| CliError::Usage(format!("cannot start threads: {error}")))
 }
 
 #[cfg(test)]

@@ -10,6 +10,14 @@ use super::interrupt;
 /// Parts of the bar; finer than any terminal shows.
 const PARTS: u64 = 10_000;
 
+/// A bar of so many parts, if stderr is a terminal and not `quiet`.
+fn bar(quiet: bool, parts: u64, template: &str) -> Option<ProgressBar> {
+    (!quiet && std::io::stderr().is_terminal()).then(|| {
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::with_draw_target(Some(parts), ProgressDrawTarget::stderr()).with_style(style)
+    })
+}
+
 /// Shows the way of a render on a terminal, and passes Ctrl-C on to it.
 pub struct Watcher {
     bar: Option<ProgressBar>,
@@ -18,12 +26,7 @@ pub struct Watcher {
 impl Watcher {
     /// With a bar if stderr is a terminal and not `quiet`.
     pub fn new(quiet: bool) -> Self {
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::with_draw_target(Some(PARTS), ProgressDrawTarget::stderr()).with_style(style)
-        });
-        Self { bar }
+        Self { bar: bar(quiet, PARTS, "{bar:30} {percent:>3} %  {msg}") }
     }
 
     /// Takes the bar away.
@@ -42,13 +45,10 @@ pub struct Steps {
 impl Steps {
     /// With a bar if stderr is a terminal and not `quiet`.
     pub fn new(quiet: bool) -> Self {
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let style = ProgressStyle::with_template("{spinner} {bar:30} {elapsed:>4}  {msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr()).with_style(style);
+        let bar = bar(quiet, 1, "{spinner} {bar:30} {elapsed:>4}  {msg}");
+        if let Some(bar) = &bar {
             bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        });
+        }
         Self { bar }
     }
 

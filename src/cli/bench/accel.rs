@@ -2,7 +2,7 @@
 
 use std::{fs, io::Write as _, path::Path, time::Instant};
 
-use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
+use rayon::{ThreadPoolBuilder, prelude::*};
 use serde_json::{Value, json};
 
 use wavecast::{accel::Quality, film::write_file};
@@ -212,28 +212,35 @@ pub fn in_turn(
 
 /// Seconds that each took in each run. They take turns, so that whatever else the machine does falls upon all.
 fn times(takers: &[&Built], batch: &Batch, threads: usize, runs: u32) -> Result<Vec<Vec<f64>>, CliError> {
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| CliError::Usage(format!("cannot start {threads} threads: {error}")))?;
     let mut answers = vec![None; batch.rays.len()];
     let mut seconds = vec![Vec::new(); takers.len()];
-    for _ in 0..runs {
-        for (one, seconds) in takers.iter().zip(&mut seconds) {
-            let start = Instant::now();
-            ask(&*one.structure, batch, (threads > 1).then_some(&pool), &mut answers);
-            seconds.push(start.elapsed().as_secs_f64());
+    let mut run_all = || {
+        for _ in 0..runs {
+            for (one, seconds) in takers.iter().zip(&mut seconds) {
+                let start = Instant::now();
+                ask(&*one.structure, batch, threads, &mut answers);
+                seconds.push(start.elapsed().as_secs_f64());
+            }
         }
+    };
+    if threads == 1 {
+        // Here, on the core that it has been given.
+        run_all();
+    } else {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| CliError::Usage(format!("cannot start {threads} threads: {error}")))?;
+        // By one of them, as it would otherwise have to be woken for each run.
+        pool.install(run_all);
     }
     Ok(seconds)
 }
 
-fn ask(structure: &dyn Contender, batch: &Batch, pool: Option<&ThreadPool>, answers: &mut [Answer]) {
-    let Some(pool) = pool else {
+fn ask(structure: &dyn Contender, batch: &Batch, threads: usize, answers: &mut [Answer]) {
+    if threads == 1 {
         return structure.answers(&batch.rays, batch.question, answers);
-    };
-    pool.install(|| {
-        let pieces = batch.rays.par_chunks(WAVE).zip(answers.par_chunks_mut(WAVE));
-        pieces.for_each(|(rays, into)| structure.answers(rays, batch.question, into));
-    });
+    }
+    let pieces = batch.rays.par_chunks(WAVE).zip(answers.par_chunks_mut(WAVE));
+    pieces.for_each(|(rays, into)| structure.answers(rays, batch.question, into));
 }
 
 /// How much faster one is than each of [`PEERS`], by run.

@@ -206,16 +206,20 @@ pub fn structures() -> [Choice; 8] {
 pub fn chosen(names: &[String], quality: Quality) -> Result<Vec<Choice>, CliError> {
     let mut all = structures();
     all[0] = waves(quality);
-    if names.is_empty() {
-        return Ok(all.into_iter().filter(|(name, _)| *name != Brute::NAME).collect());
+    pick(all, names)
+}
+
+/// Those of `all` that are asked for by name; if none are, all but brute force.
+pub fn pick<T, const N: usize>(
+    all: [(&'static str, T); N],
+    names: &[String],
+) -> Result<Vec<(&'static str, T)>, CliError> {
+    let known = all.each_ref().map(|&(name, _)| name);
+    if let Some(wrong) = names.iter().find(|wanted| !known.contains(&wanted.as_str())) {
+        return Err(CliError::Usage(format!("there is no structure {wrong:?}; there is {}", known.join(", "))));
     }
-    let find = |wanted: &String| {
-        all.iter().find(|(name, _)| name == wanted).copied().ok_or_else(|| {
-            let known = all.map(|(name, _)| name).join(", ");
-            CliError::Usage(format!("there is no structure {wanted:?}; there is {known}"))
-        })
-    };
-    names.iter().map(find).collect()
+    let wanted = |name: &str| if names.is_empty() { name != Brute::NAME } else { names.iter().any(|n| n == name) };
+    Ok(all.into_iter().filter(|(name, _)| wanted(name)).collect())
 }
 
 /// A built structure and what building it took.

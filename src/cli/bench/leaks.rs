@@ -12,6 +12,7 @@ use wavecast::{
     film::write_file,
 };
 
+use super::contender::pick;
 use crate::cli::{console::Console, error::CliError, progress::Steps};
 
 /// Rays at a time: enough to share out, few enough to hold.
@@ -145,16 +146,6 @@ fn structures() -> [(&'static str, Ask); 8] {
     ]
 }
 
-/// Those asked for; without a wish all but brute force.
-fn chosen(names: &[String]) -> Result<Vec<(&'static str, Ask)>, CliError> {
-    let known = structures().map(|(name, _)| name);
-    if let Some(wrong) = names.iter().find(|wanted| !known.contains(&wanted.as_str())) {
-        return Err(CliError::Usage(format!("there is no structure {wrong:?}; there is {}", known.join(", "))));
-    }
-    let wanted = |name: &str| if names.is_empty() { name != Brute::NAME } else { names.iter().any(|n| n == name) };
-    Ok(structures().into_iter().filter(|(name, _)| wanted(name)).collect())
-}
-
 /// Tests and structures, each to be tried with so many rays at vertices and as many at edges, at each place.
 pub struct Plan {
     structures: Vec<(&'static str, Ask)>,
@@ -164,7 +155,7 @@ pub struct Plan {
 impl Plan {
     /// Structures by their names; without a wish all but brute force.
     pub fn new(names: &[String], rays: u32) -> Result<Self, CliError> {
-        Ok(Self { structures: chosen(names)?, rays: rays as usize })
+        Ok(Self { structures: pick(structures(), names)?, rays: rays as usize })
     }
 
     /// Tries all, and tells each figure as soon as it is known.

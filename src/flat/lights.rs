@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::{light::EnvironmentTable, sampling::AliasTable, soa};
+use crate::{
+    light::{EnvironmentTable, LightChoice},
+    soa,
+};
 
 soa! {
-    /// Emitting triangles in world space.
+    /// Emitting triangles in world space, and parallelograms of two of them.
     pub struct EmissiveTriangles of EmissiveTriangle {
         /// Row of the instance.
         instance: u32,
-        /// Row of the triangle in its mesh.
+        /// Row of the triangle in its mesh; of a parallelogram the first's.
         triangle: u32,
         /// First corner, m.
         p0: [f32; 3],
@@ -17,6 +20,8 @@ soa! {
         e1: [f32; 3],
         /// Third corner minus first.
         e2: [f32; 3],
+        /// 1 for a parallelogram, whose fourth corner is `p0 + e1 + e2`. It has no texture.
+        four: u32,
         /// Unit normal of the front side.
         n: [f32; 3],
         /// m².
@@ -98,7 +103,7 @@ pub enum EnvironmentLight {
 
 /// All emitters.
 ///
-/// Choice row order: emissive triangles, local lights, distant lights, emissive shapes, then the
+/// Choice row order: emissive triangles, local lights, emissive shapes, distant lights, then the
 /// environment map if there is one.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
@@ -112,8 +117,8 @@ pub struct Lights {
     pub distant: DistantLights,
     /// The sky, if any.
     pub environment: Option<EnvironmentLight>,
-    /// Probability of each choice row, by power; empty without a light that can be sampled.
-    pub choice: AliasTable,
+    /// How likely each choice row is from where; empty without a light that can be sampled.
+    pub choice: LightChoice,
     /// True if the scene had no light at all and a sky of 1 nit was put in.
     pub default_sky: bool,
 }
@@ -124,19 +129,19 @@ impl Lights {
         self.triangles.len() as u32
     }
 
-    /// First choice row of the distant lights.
-    pub fn first_distant(&self) -> u32 {
+    /// First choice row of the emitting shapes.
+    pub fn first_shape(&self) -> u32 {
         self.first_local() + self.local.len() as u32
     }
 
-    /// First choice row of the emitting shapes.
-    pub fn first_shape(&self) -> u32 {
-        self.first_distant() + self.distant.len() as u32
+    /// First choice row of the distant lights.
+    pub fn first_distant(&self) -> u32 {
+        self.first_shape() + self.shapes.len() as u32
     }
 
-    /// The environment map's choice row, one past the last shape's.
+    /// The environment map's choice row, one past the last distant light's.
     pub fn environment_row(&self) -> u32 {
-        self.first_shape() + self.shapes.len() as u32
+        self.first_distant() + self.distant.len() as u32
     }
 
     /// The light row of a shape, for [`FlatScene::light_rows`](super::FlatScene::light_rows): those of triangles come before.

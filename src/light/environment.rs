@@ -1,8 +1,9 @@
 //! The sky as a light: look-up, and sampling by texel.
 //!
-//! A direction belongs to exactly one texel, and texels are chosen by luminance times solid angle. So the density of a
-//! direction is the luminance from there over its integral, and the ratio of radiance and density, which is what a
-//! sample carries, is the same for all directions of one colour.
+//! A direction belongs to exactly one texel, and texels are chosen by solid angle times how much brighter they are than
+//! the mean. What is not brighter is left to scattered rays, which find an even sky as well; so the samples go where
+//! those would miss (Karlík, Šik, Vévoda, Skřivan, Křivánek 2019, "MIS Compensation: Optimizing Sampling Techniques in Multiple
+//! Importance Sampling", section 5).
 
 use std::f32::consts::TAU;
 
@@ -25,25 +26,27 @@ pub struct EnvironmentTable {
     pub texels: Vec<[f32; 3]>,
     /// Turn about +Y, rad, counter-clockwise seen from above.
     pub rotation: f32,
-    /// One row per texel, by luminance times solid angle.
+    /// One row per texel, by solid angle times luminance beyond the mean.
     pub choice: AliasTable,
     /// Sine and cosine of `rotation`.
     pub rotation_sin_cos: [f32; 2],
-    /// Density of a direction, 1/sr, by the luminance from there; 0 for a black map.
+    /// Density of a direction, 1/sr, by how much brighter than the mean it is; 0 for an even map.
     pub pdf_per_luminance: f32,
+    /// The mean luminance over the sphere, nit.
+    pub mean: f32,
     /// Share of a texel at each edge where rounding could decide for the neighbour.
     pub seam: f32,
     /// Where texels of a row lie between the nearer pole (0) and its opposite (1), (1 − cosθ)/2: at the edge towards
     /// that pole, and how much more at the other.
     pub band: Vec<[f32; 2]>,
-    /// Integral of the luminance over the sphere, lx without a cosine.
-    pub luminance_integral: f64,
+    /// Integral over the sphere of the luminance beyond the mean, lx without a cosine.
+    pub beyond_integral: f64,
 }
 
 impl EnvironmentTable {
     /// The table of a map whose radiance is multiplied by `scale`.
     ///
-    /// The choice is empty if the whole map is black.
+    /// The choice is empty if the whole map is as bright everywhere.
     ///
     /// # Panics
     /// If the map has no texel, or not as many as its sides say.
@@ -62,6 +65,14 @@ impl EnvironmentTable {
         let solid_angle = |row: usize| 4.0 * std::f64::consts::PI * bands[row][1] / width as f64;
 
         let texels: Vec<[f32; 3]> = map.texels.par_iter().map(|texel| texel.map(|v| v * scale)).collect();
+        // Of each row, in a fixed order.
+        let sums: Vec<f64> = texels
+            .par_chunks(width)
+            .enumerate()
+            .map(|(row, texels)| solid_angle(row) * texels.iter().map(|texel| luminance(*texel)).sum::<f64>())
+            .collect();
+        let luminance_integral: f64 = sums.iter().sum();
+        let mean = (luminance_integral / (4.0 * std::f64::consts::PI)) as f32;
         let mut weights = vec![0.0f32; texels.len()];
         let sums: Vec<f64> = weights
             .par_chunks_mut(width)
@@ -71,14 +82,16 @@ impl EnvironmentTable {
                 let solid_angle = solid_angle(row);
                 let mut sum = 0.0;
                 for (weight, texel) in weights.iter_mut().zip(texels) {
-                    let power = luminance(*texel) * solid_angle;
+                    let beyond = V3::<f32>::from_array(*texel).luminance() - mean;
+                    // An even map is one but for rounding.
+                    let power = if beyond > 1e-5 * mean { f64::from(beyond) * solid_angle } else { 0.0 };
                     sum += power;
                     *weight = power as f32;
                 }
                 sum
             })
             .collect();
-        let luminance_integral: f64 = sums.iter().sum();
+        let beyond_integral: f64 = sums.iter().sum();
         let rotation = f64::from(rotation_degrees).to_radians();
         Self {
             width: map.width,
@@ -87,12 +100,13 @@ impl EnvironmentTable {
             rotation: rotation as f32,
             choice: AliasTable::new(&weights),
             rotation_sin_cos: [rotation.sin() as f32, rotation.cos() as f32],
-            pdf_per_luminance: if luminance_integral > 0.0 { (1.0 / luminance_integral) as f32 } else { 0.0 },
+            pdf_per_luminance: if beyond_integral > 0.0 { (1.0 / beyond_integral) as f32 } else { 0.0 },
+            mean,
+            beyond_integral,
             // Directions are right within 1e-6 rad, which is 3.2e-7 of the texels around or pole to pole; and what is
             // left of a number has few bits.
             seam: 2e-6 * width.max(height) as f32,
             band: bands.iter().map(|band| band.map(|v| v as f32)).collect(),
-            luminance_integral,
         }
     }
 
@@ -146,13 +160,14 @@ impl EnvironmentTable {
         (radiance, self.radiance_pdf(radiance))
     }
 
-    /// Probability of a texel over its solid angle, which cancels: the row's weight is luminance times solid angle.
+    /// Probability of a texel over its solid angle, which cancels.
     #[inline(always)]
     fn radiance_pdf<F: Real>(&self, radiance: Rgb<F>) -> F {
-        radiance.luminance() * F::splat(self.pdf_per_luminance)
+        let beyond = radiance.luminance() - F::splat(self.mean);
+        (beyond * F::splat(self.pdf_per_luminance)).masked(beyond.gt(F::splat(1e-5 * self.mean)))
     }
 
-    /// A unit direction in world space with probability by luminance, its density (1/sr) and its radiance (nit).
+    /// A unit direction in world space with probability by how bright it is there, its density (1/sr) and its radiance (nit).
     ///
     /// `u`, of many more than 24 bits, chooses the texel, `v` a direction inside, uniform in solid angle.
     ///
@@ -163,7 +178,7 @@ impl EnvironmentTable {
     /// about 1e-7 rad. The density is 0 if it strayed into black.
     ///
     /// # Panics
-    /// If the whole map is black.
+    /// If the whole map is as bright everywhere.
     #[inline]
     pub fn sample(&self, u: f64, v: (f32, f32)) -> ([f32; 3], f32, [f32; 3]) {
         let (texel, _) = self.choice.sample(u);
@@ -188,9 +203,9 @@ impl EnvironmentTable {
         (direction, self.radiance_pdf::<f32>(V3::from_array(radiance)), radiance)
     }
 
-    /// Light that a sphere around the scene takes from the sky, lm: the luminance integral times πr².
-    pub fn power(&self, radius: f32) -> f32 {
-        (self.luminance_integral * std::f64::consts::PI * f64::from(radius).powi(2)) as f32
+    /// What the part that is looked for brings to a surface, lx: the mean over all ways that it may face.
+    pub fn mean_illuminance(&self) -> f32 {
+        (0.25 * self.beyond_integral) as f32
     }
 }
 
@@ -198,7 +213,7 @@ impl EnvironmentTable {
 ///
 /// Argument reduction to tan(π/8) and polynomial as in Moshier 1992, "Cephes", atanf.
 #[inline(always)]
-fn turns<F: Real>(y: F, x: F) -> F {
+pub(super) fn turns<F: Real>(y: F, x: F) -> F {
     let (ax, ay) = (x.abs(), y.abs());
     let (small, large) = (ax.min(ay), ax.max(ay));
     // Above tan(π/8): atan(s/l) = π/4 + atan((s − l)/(s + l)).

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Vec3};
 use hecs::World;
+use rayon::prelude::*;
 
 use crate::{
     flat::{
         DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,
         EnvironmentLight, FlatScene, LocalLight, LocalLights, NONE, Textures, flags,
     },
-    light::EnvironmentTable,
-    sampling::AliasTable,
+    light::{Emitter, EnvironmentTable, LightChoice},
     world::{
         DirectionalLight, Environment, EnvironmentMap, PointLight, SceneKey, Shape, Sky, SpotLight, WorldTransform,
         WorldVisibility, cofactors,
@@ -167,13 +167,59 @@ pub fn emissive_triangles(flat: &mut FlatScene) -> (EmissiveTriangles, Vec<u32>)
                 n: (flip * normal.normalize()).as_vec3().to_array(),
                 area: area_f32,
                 error,
+                four: 0,
                 radiance: flat.materials.emissive[material],
                 two_sided: u32::from(flat.materials.flags[material] & flags::DOUBLE_SIDED != 0),
                 texture: flat.materials.emissive_texture[material],
             });
+            let last = table.len() - 1;
+            if last > 0
+                && slot == mesh.slots.get(triangle as usize - 1).copied().unwrap_or(0)
+                && let Some(both) = parallelogram(&table.row(last - 1), &table.row(last))
+            {
+                table.resize(last);
+                table.set(last - 1, both);
+                light_rows.pop();
+                light_rows.push(last as u32 - 1);
+            }
         }
     }
     (table, light_rows)
+}
+
+/// Two triangles of a mesh and a material, one right after the other, as one light, if they have no texture and lie beside each
+/// other as the halves of a parallelogram.
+///
+/// Of quads nearly all are written like that, and one light of four corners is drawn from more evenly than two of three.
+fn parallelogram(first: &EmissiveTriangle, second: &EmissiveTriangle) -> Option<EmissiveTriangle> {
+    if first.four == 1
+        || first.texture != NONE
+        || first.instance != second.instance
+        || first.triangle + 1 != second.triangle
+    {
+        return None;
+    }
+    let corners = |light: &EmissiveTriangle| {
+        let [p, e1, e2] = [light.p0, light.e1, light.e2].map(Vec3::from);
+        [p, p + e1, p + e2]
+    };
+    let (ours, theirs) = (corners(first), corners(second));
+    // What is not told apart by the rounding that the light's own error counts in.
+    let near = |a: Vec3, b: Vec3| (a - b).abs().cmple(0.5 * Vec3::from(first.error)).all();
+    // The corner of each that is not the other's.
+    let own = (0..3).find(|&i| !theirs.iter().any(|&corner| near(corner, ours[i])))?;
+    let other = (0..3).find(|&i| !ours.iter().any(|&corner| near(corner, theirs[i])))?;
+    let [p, q, r] = [ours[own], ours[(own + 1) % 3], ours[(own + 2) % 3]];
+    let whole = near(q + r - p, theirs[other]) && near(q, theirs[(other + 2) % 3]) && near(r, theirs[(other + 1) % 3]);
+    whole.then(|| EmissiveTriangle {
+        p0: p.to_array(),
+        e1: (q - p).to_array(),
+        e2: (r - p).to_array(),
+        area: 2.0 * first.area,
+        error: first.error.map(|error| 1.5 * error),
+        four: 1,
+        ..*first
+    })
 }
 
 /// Emitting shapes; sets their rows of [`FlatScene::light_rows`], which [`emissive_triangles`] has made.
@@ -220,41 +266,74 @@ pub fn any_unsampled(flat: &FlatScene) -> bool {
     })
 }
 
-/// Probability of each light by its power.
-pub fn choice(flat: &FlatScene) -> AliasTable {
-    let pi = std::f64::consts::PI;
-    let luminance =
-        |c: [f32; 3]| 0.212_671 * f64::from(c[0]) + 0.715_160 * f64::from(c[1]) + 0.072_169 * f64::from(c[2]);
+fn luminance(c: [f32; 3]) -> f32 {
+    0.212_671 * c[0] + 0.715_160 * c[1] + 0.072_169 * c[2]
+}
+
+/// What each light may bring to where.
+pub fn choice(flat: &FlatScene) -> LightChoice {
     let lights = &flat.lights;
-    let radius = if flat.radius > 0.0 { flat.radius } else { 1.0 };
-    let disc = pi * f64::from(radius) * f64::from(radius);
-    let mut power = Vec::with_capacity(lights.environment_row() as usize + 1);
-    for row in 0..lights.triangles.len() {
-        let triangle = lights.triangles.row(row);
-        let sides = f64::from(1 + triangle.two_sided);
-        let texture = if triangle.texture == NONE { [1.0; 3] } else { mean_texture(flat, &triangle) };
-        let radiance: [f32; 3] = std::array::from_fn(|i| triangle.radiance[i] * texture[i]);
-        power.push(pi * sides * f64::from(triangle.area) * luminance(radiance));
-    }
+    let shaded = |radiance: [f32; 3], texture: [f32; 3]| luminance(std::array::from_fn(|i| radiance[i] * texture[i]));
+    let triangles = (0..lights.triangles.len()).into_par_iter().map(|row| {
+        let light = lights.triangles.row(row);
+        let texture = if light.texture == NONE { [1.0; 3] } else { mean_texture(flat, &light) };
+        let [p, e1, e2] = [light.p0, light.e1, light.e2].map(Vec3::from);
+        let corners = [p, p + e1, p + e2, if light.four == 1 { p + e1 + e2 } else { p }];
+        Emitter {
+            lower: corners.into_iter().fold(p, Vec3::min),
+            upper: corners.into_iter().fold(p, Vec3::max),
+            axis: light.n.into(),
+            cos_cone: 1.0,
+            cos_edge: 0.0,
+            two_sided: light.two_sided == 1,
+            intensity: light.area * shaded(light.radiance, texture),
+        }
+    });
+    let mut near: Vec<Emitter> = triangles.collect();
     for row in 0..lights.local.len() {
         let light = lights.local.row(row);
-        // A cone's share of the sphere; the soft edge is counted whole.
-        let cos_outer = if light.cos_scale == 0.0 { -1.0 } else { -light.cos_offset / light.cos_scale };
-        power.push(2.0 * pi * (1.0 - f64::from(cos_outer)).max(1e-6) * luminance(light.intensity));
+        let position = Vec3::from(light.position);
+        // A soft edge is counted whole.
+        let all_around = light.cos_scale == 0.0;
+        let cos_outer = if all_around { -1.0 } else { -light.cos_offset / light.cos_scale };
+        near.push(Emitter {
+            lower: position,
+            upper: position,
+            axis: light.axis.into(),
+            cos_cone: cos_outer,
+            cos_edge: 1.0,
+            two_sided: false,
+            intensity: luminance(light.intensity),
+        });
     }
-    power.extend(lights.distant.illuminance.iter().map(|&lux| disc * luminance(lux)));
     for row in 0..lights.shapes.len() {
         let light = lights.shapes.row(row);
         let texture = if light.texture == NONE { [1.0; 3] } else { mean_texture_of_shape(flat, &light) };
-        let radiance: [f32; 3] = std::array::from_fn(|i| light.radiance[i] * texture[i]);
-        power.push(pi * f64::from(1 + light.two_sided) * f64::from(light.world_area) * luminance(radiance));
+        let m = &flat.instances.world_from_local[light.instance as usize];
+        let (least, most) = flat.meshes[flat.instances.mesh[light.instance as usize] as usize].blas.bounds();
+        let row_of = |i: usize| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]);
+        let (middle, half) = (0.5 * (Vec3::from(least) + Vec3::from(most)), 0.5 * (Vec3::from(most) - Vec3::from(least)));
+        let center = Vec3::from_array([0, 1, 2].map(|i| row_of(i).dot(middle) + m[4 * i + 3]));
+        let reach = Vec3::from_array([0, 1, 2].map(|i| row_of(i).abs().dot(half)));
+        near.push(Emitter {
+            lower: center - reach,
+            upper: center + reach,
+            axis: Vec3::Y,
+            // Of a disc the back would be known to be dark, but this is safe.
+            cos_cone: -1.0,
+            cos_edge: 0.0,
+            two_sided: false,
+            // A convex body shows a quarter of its surface on average.
+            intensity: 0.5 * light.world_area * shaded(light.radiance, texture),
+        });
     }
-    if let Some(EnvironmentLight::Map(map)) = &lights.environment {
-        power.push(f64::from(map.power(radius)));
-    }
-    let most = power.iter().copied().fold(0.0, f64::max);
-    let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
-    AliasTable::new(&power.iter().map(|&p| (p * scale) as f32).collect::<Vec<_>>())
+    let distant = (0..lights.distant.len()).map(|row| lights.distant.row(row));
+    let far = distant.map(|light| (light.to_light, luminance(light.illuminance)));
+    let sky = match &lights.environment {
+        Some(EnvironmentLight::Map(map)) => map.mean_illuminance(),
+        _ => 0.0,
+    };
+    LightChoice::new(&near, far, sky)
 }
 
 /// The mean of the texture over a triangle, by a grid of points about as fine as its texels.

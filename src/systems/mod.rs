@@ -142,7 +142,7 @@ impl Systems {
             let before = flat.lights.clone();
             self.sync_lights(world, flat);
             if first || !same_lights(&before, &flat.lights) {
-                report.rebuilt.push(("lights", flat.lights.choice.pmf.len()));
+                report.rebuilt.push(("lights", flat.lights.choice.len()));
             }
         }
 

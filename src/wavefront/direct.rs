@@ -5,15 +5,20 @@ use glam::DVec3;
 use crate::{
     accel::Hit,
     flat::{EnvironmentLight, FlatScene, NONE},
+    light::{Chosen, Facets, Receiver, pack},
     sampling::lengthen,
     simd::{Mask, Real, Rgb, V3},
 };
 
-use super::{dimensions::mix, surface::Surface};
+use super::{Settings, dimensions::mix, surface::Surface};
 
 /// Light that may arrive at a surface, before what is in the way.
 #[derive(Clone, Copy, Debug)]
 pub struct LightSample<F: Real> {
+    /// Where the ray leaves the surface, m.
+    pub origin: V3<F>,
+    /// It leaves on the side of the surface that the path came from.
+    pub up: F::Mask,
     /// Unit direction towards the light.
     pub wi: V3<F>,
     /// The point that the shadow ray ends at, or, for a light infinitely far away, its direction.
@@ -31,91 +36,109 @@ pub struct LightSample<F: Real> {
 /// What was chosen for one lane.
 #[derive(Clone, Copy, Default)]
 struct Picked {
+    /// The point, or the first corner of a flat light.
     target: [f32; 3],
+    e1: [f32; 3],
+    e2: [f32; 3],
     error: [f32; 3],
     normal: [f32; 3],
     radiance: [f32; 3],
-    /// Area for a triangle, one over the density by area for a shape, density for the sky.
+    /// Area of a flat light, one over the density by area of a shape, density for the sky.
     measure: f32,
     pmf: f32,
+    /// Row of a flat light with a texture.
+    textured: u32,
 }
 
 /// Row bits of the kinds among the lanes.
 #[derive(Clone, Copy, Default)]
 struct Kinds {
-    triangle: u32,
+    /// Triangles and parallelograms.
+    flat: u32,
+    four: u32,
+    shape: u32,
     two_sided: u32,
     local: u32,
     distant: u32,
     sky: u32,
 }
 
-/// Draws a light by its power for each lane, and a point on it.
+/// The side of a surface that a ray leaves to, as a path carries it; 0 where it does not matter.
+#[inline(always)]
+pub fn side<F: Real>(settings: &Settings, surface: &Surface<F>, up: F::Mask, transmissive: bool, lane: usize) -> u32 {
+    if !settings.lights_by_place {
+        return u32::from(transmissive);
+    }
+    let n = surface.frame.n.lane(lane);
+    pack(if up.bits() >> lane & 1 == 1 { n } else { n.map(|x| -x) }, transmissive)
+}
+
+/// Draws a light for each lane by what it could bring there, and a point on it.
 ///
-/// `u_choice` chooses; `u` are two numbers for the place. `lookups` counts texture and environment look-ups.
+/// `u_choice` chooses; `u` are two numbers for the place. `lookups` counts texture and environment look-ups. Of surfaces that let
+/// light through, one of the two sides is chosen first.
 #[inline(always)]
 pub fn sample<F: Real>(
     scene: &FlatScene,
+    settings: &Settings,
     surface: &Surface<F>,
     active: u32,
+    transmissive: bool,
     u_choice: F,
     u: (F, F),
     lookups: &mut [u64; 2],
 ) -> LightSample<F> {
     let lights = &scene.lights;
-    let (first_local, first_distant) = (lights.first_local(), lights.first_distant());
-    let (first_shape, sky_row) = (lights.first_shape(), lights.environment_row());
+    let (first_local, first_shape) = (lights.first_local(), lights.first_shape());
+    let (first_distant, sky_row) = (lights.first_distant(), lights.environment_row());
+    let (mut up, mut u_choice) = (F::Mask::splat(true), u_choice);
+    if transmissive {
+        let twice = u_choice + u_choice;
+        up = twice.lt(F::one());
+        u_choice = F::select(up, twice, twice - F::one());
+    }
+    let origin = surface.leave(up);
     let mut kinds = Kinds::default();
     let mut picked = [Picked::default(); 8];
-    let (b1, b2) = crate::sampling::warp::triangle(u);
     for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
         if active >> lane & 1 == 0 {
             continue;
         }
         // Many lights, and then a sky of many texels, need more bits than a sample has.
         let choice = u_choice.lane(lane);
-        let (row, rest) = lights.choice.sample(lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits())));
-        let pmf = lights.choice.pmf(row);
+        let choice = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
+        let at = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
+        let Some(Chosen { row, pmf, rest }) = lights.choice.sample(&at, choice) else { continue };
         let bit = 1 << lane;
         one.pmf = pmf;
         if row < first_local {
-            let (triangles, row) = (&lights.triangles, row as usize);
-            let (b1, b2) = (b1.lane(lane), b2.lane(lane));
-            kinds.triangle |= bit;
-            kinds.two_sided |= triangles.two_sided[row] << lane;
-            let (p0, e1, e2) = (&triangles.p0[row], &triangles.e1[row], &triangles.e2[row]);
-            one.target = std::array::from_fn(|i| p0[i] + b1 * e1[i] + b2 * e2[i]);
-            one.error = triangles.error[row];
-            one.normal = triangles.n[row];
-            one.measure = triangles.area[row];
-            one.radiance = triangles.radiance[row];
-            let texture = triangles.texture[row];
-            if texture != NONE {
-                lookups[0] += 1;
-                let mesh = &scene.meshes[scene.instances.mesh[triangles.instance[row] as usize] as usize];
-                let vertices = mesh.triangles[triangles.triangle[row] as usize];
-                let set = scene.textures.slots.tex_coord[texture as usize];
-                let texel = scene.textures.sample(texture, mesh.uv_at(set, vertices, b1, b2));
-                (0..3).for_each(|i| one.radiance[i] *= texel[i]);
-            }
-        } else if row < first_distant {
+            let (flat, row) = (&lights.triangles, row as usize);
+            kinds.flat |= bit;
+            kinds.four |= flat.four[row] << lane;
+            kinds.two_sided |= flat.two_sided[row] << lane;
+            (one.target, one.e1, one.e2) = (flat.p0[row], flat.e1[row], flat.e2[row]);
+            one.error = flat.error[row];
+            one.normal = flat.n[row];
+            one.measure = flat.area[row];
+            one.radiance = flat.radiance[row];
+            one.textured = if flat.texture[row] == NONE { NONE } else { row as u32 };
+        } else if row < first_shape {
             let light = lights.local.row((row - first_local) as usize);
             kinds.local |= bit;
             one.target = light.position;
             one.radiance = light.intensity;
             one.normal = light.axis;
             one.error = [light.cos_scale, light.cos_offset, 0.0];
-        } else if row < first_shape {
+        } else if row < first_distant {
+            let row = (row - first_shape) as usize;
+            kinds.shape |= bit;
+            kinds.two_sided |= lights.shapes.two_sided[row] << lane;
+            *one = Picked { pmf, ..on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]) };
+        } else if row < sky_row {
             let light = lights.distant.row((row - first_distant) as usize);
             kinds.distant |= bit;
             one.target = light.to_light;
             one.radiance = light.illuminance;
-        } else if row < sky_row {
-            // What follows of a triangle holds of any piece of surface.
-            let row = (row - first_shape) as usize;
-            kinds.triangle |= bit;
-            kinds.two_sided |= lights.shapes.two_sided[row] << lane;
-            *one = Picked { pmf, ..on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]) };
         } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
             lookups[1] += 1;
             kinds.sky |= bit;
@@ -125,46 +148,72 @@ pub fn sample<F: Real>(
             one.radiance = radiance;
         }
     }
-    let target = V3::from_fn(|lane| picked[lane].target);
-    let radiance: Rgb<F> = V3::from_fn(|lane| picked[lane].radiance);
+    let mut target = V3::from_fn(|lane| picked[lane].target);
+    let mut radiance: Rgb<F> = V3::from_fn(|lane| picked[lane].radiance);
     let pmf = F::from_fn(|lane| picked[lane].pmf);
     let mask = |bits: u32| F::Mask::from_bits(bits);
-    let near = mask(kinds.triangle | kinds.local);
+    let surfaces = kinds.flat | kinds.shape;
+    let near = mask(surfaces | kinds.local);
+
+    // Flat lights are drawn from by solid angle.
+    let mut seen = None;
+    if kinds.flat != 0 {
+        let facets = Facets {
+            p0: target,
+            e1: V3::from_fn(|lane| picked[lane].e1),
+            e2: V3::from_fn(|lane| picked[lane].e2),
+            four: mask(kinds.four),
+        };
+        let as_seen = facets.seen_from(origin);
+        let (b1, b2) = as_seen.sample(u);
+        // Of those that are not flat, both edges are zero.
+        target = facets.e1.scale_add(b1, facets.e2.scale_add(b2, target));
+        seen = Some(as_seen);
+        for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
+            if kinds.flat >> lane & 1 == 1 && one.textured != NONE {
+                lookups[0] += 1;
+                let texel = texel(scene, one.textured as usize, b1.lane(lane), b2.lane(lane));
+                (0..3).for_each(|i| one.radiance[i] *= texel[i]);
+            }
+        }
+        radiance = V3::from_fn(|lane| picked[lane].radiance);
+    }
 
     let mut wi = target;
     let mut end = target;
     let mut light = radiance * (F::one() / pmf.max(F::splat(f32::MIN_POSITIVE)));
     let mut pdf = F::zero();
     let mut valid = mask(kinds.distant | kinds.sky) & pmf.gt(F::zero());
-    if (kinds.triangle | kinds.local) != 0 {
-        // Reflected rays start at the lifted point, those through the surface at the point itself.
-        let in_front = (target - surface.lifted).dot(surface.frame.n).gt(F::zero());
-        let from = V3::select(in_front, surface.lifted, surface.p);
-        // What lies between the two planes is in front of the point alone: no ray reaches it, as scattered ones leave
-        // from the lifted point too.
-        let behind = (target - surface.p).dot(surface.frame.n).lt(F::zero());
-        let to_light = target - from;
+    if (surfaces | kinds.local) != 0 {
+        // What a lamp without extent brings changes with the last digit of its distance, and no ray finds it by chance: there
+        // the way is that from the surface itself. All else is as a scattered ray sees it.
+        let start = V3::select(mask(kinds.local), V3::select(up, surface.lifted, surface.p), origin);
+        let to_light = target - start;
         let distance2 = to_light.length_squared();
-        let apart = distance2.gt(F::splat(f32::MIN_POSITIVE)) & (in_front | behind);
+        let apart = distance2.gt(F::splat(f32::MIN_POSITIVE));
         let distance2 = F::select(apart, distance2, F::one());
         let direction = to_light * (F::one() / distance2.sqrt());
         wi = V3::select(near, direction, wi);
         let normal: V3<F> = V3::from_fn(|lane| picked[lane].normal);
         let cos = -direction.dot(normal);
-        if kinds.triangle != 0 {
-            let is_triangle = mask(kinds.triangle);
+        if surfaces != 0 {
+            let is_surface = mask(surfaces);
             let faces = cos.gt(F::zero()) | (mask(kinds.two_sided) & cos.lt(F::zero()));
-            let area = F::from_fn(|lane| picked[lane].measure);
+            let area = F::from_fn(|lane| picked[lane].measure) * cos.abs();
             // Where the light is seen edge-on the weight runs to zero with the cosine.
-            let solid_angle = area * cos.abs() / distance2;
-            let seen = is_triangle & faces & apart & solid_angle.gt(F::splat(1e-30));
-            pdf = F::select(seen, pmf / F::select(seen, solid_angle, F::one()), pdf);
-            light = V3::select(is_triangle, light * solid_angle, light);
+            let mut density = distance2 / area.max(F::splat(1e-30));
+            if let Some(seen) = seen {
+                density = F::select(mask(kinds.flat), seen.pdf(distance2, area), density);
+            }
+            let seen = is_surface & faces & apart & density.lt(F::splat(1e30)) & density.gt(F::zero());
+            let density = F::select(seen, density, F::one());
+            pdf = F::select(seen, pmf * density, pdf);
+            light = V3::select(is_surface, light * (F::one() / density), light);
             valid = valid | seen;
             // The end of the ray is moved off the light towards the surface by the light's own error.
             let error: V3<F> = V3::from_fn(|lane| picked[lane].error);
             let shift = normal.abs().dot(error).copysign(cos);
-            end = V3::select(is_triangle, normal.scale_add(shift, end), end);
+            end = V3::select(is_surface, normal.scale_add(shift, end), end);
         }
         if kinds.local != 0 {
             let is_local = mask(kinds.local);
@@ -183,7 +232,17 @@ pub fn sample<F: Real>(
         pdf = F::select(is_sky, density * pmf, pdf);
         valid = (valid & !is_sky) | seen;
     }
-    LightSample { wi, target: end, near, light, pdf, valid }
+    LightSample { origin, up, wi, target: end, near, light, pdf, valid }
+}
+
+/// What the texture of a flat light makes of its radiance.
+fn texel(scene: &FlatScene, row: usize, b1: f32, b2: f32) -> [f32; 4] {
+    let triangles = &scene.lights.triangles;
+    let texture = triangles.texture[row];
+    let mesh = &scene.meshes[scene.instances.mesh[triangles.instance[row] as usize] as usize];
+    let vertices = mesh.triangles[triangles.triangle[row] as usize];
+    let set = scene.textures.slots.tex_coord[texture as usize];
+    scene.textures.sample(texture, mesh.uv_at(set, vertices, b1, b2))
 }
 
 /// A point on a shape that shines.
@@ -209,7 +268,7 @@ fn on_shape(scene: &FlatScene, row: usize, u: (f32, f32), lookups: &mut u64) -> 
         normal: (piece / stretch).as_vec3().to_array(),
         radiance,
         measure: (f64::from(light.area) * stretch) as f32,
-        pmf: 0.0,
+        ..Picked::default()
     }
 }
 
@@ -219,24 +278,25 @@ fn piece(cofactors: &[f32; 9], normal: DVec3) -> DVec3 {
     DVec3::new(row(0), row(1), row(2))
 }
 
-/// As [`triangle_pdf`], of a shape.
+/// As [`facet_pdf`], of a shape.
 #[cold]
-pub fn shape_pdf(scene: &FlatScene, light_row: u32, hit: &Hit, direction: [f32; 3]) -> f32 {
+pub fn shape_pdf(scene: &FlatScene, light_row: u32, at: &Receiver, hit: &Hit, direction: [f32; 3]) -> f32 {
     let lights = &scene.lights;
     let shape_row = light_row - lights.shape_row(0);
     let light = lights.shapes.row(shape_row as usize);
     let Some(shape) = scene.meshes[scene.instances.mesh[hit.instance as usize] as usize].shape else { return 0.0 };
     let normal = shape.normal(shape.point(hit.triangle, hit.b1, hit.b2));
     let facing = piece(&light.cofactors, normal).dot(DVec3::from_array(direction.map(f64::from)));
-    let solid_angle = (f64::from(light.area) * facing.abs()) as f32 / (hit.t * hit.t);
-    if solid_angle > 1e-30 { lights.choice.pmf(lights.first_shape() + shape_row) / solid_angle } else { 0.0 }
+    let area = (f64::from(light.area) * facing.abs()) as f32;
+    if area > 0.0 { lights.choice.near_pmf(lights.first_shape() + shape_row, at) * (hit.t * hit.t / area) } else { 0.0 }
 }
 
-/// Density per sr with which [`sample`] draws the direction of a ray of unit direction that met an
-/// emitting triangle at distance `t`, as seen from the ray's origin.
+/// Density per sr with which [`sample`] draws the direction of a ray of unit direction that left `at` and met an
+/// emitting triangle at distance `t`.
 #[inline]
-pub fn triangle_pdf(scene: &FlatScene, light_row: u32, t: f32, cos: f32) -> f32 {
-    let lights = &scene.lights;
-    let solid_angle = lights.triangles.area[light_row as usize] * cos.abs() / (t * t);
-    if solid_angle > 1e-30 { lights.choice.pmf(light_row) / solid_angle } else { 0.0 }
+pub fn facet_pdf(scene: &FlatScene, light_row: u32, at: &Receiver, t: f32, cos: f32) -> f32 {
+    let light = scene.lights.triangles.row(light_row as usize);
+    let [p0, e1, e2] = [light.p0, light.e1, light.e2].map(V3::<f32>::from_array);
+    let seen = Facets { p0, e1, e2, four: light.four == 1 }.seen_from(V3::from_array(at.p));
+    scene.lights.choice.near_pmf(light_row, at) * seen.pdf(t * t, light.area * cos.abs())
 }

@@ -8,6 +8,7 @@ use super::{
 use crate::{
     accel::Hit,
     flat::{FlatScene, NONE, flags},
+    light::Receiver,
     sampling::mis,
 };
 
@@ -64,18 +65,19 @@ fn scaled_by_texture(scene: &FlatScene, color: [f32; 3], slot: u32, hit: &Hit, l
     std::array::from_fn(|i| color[i] * texel[i])
 }
 
-/// Weight of light found by a scattered ray of density `pdf` (0: nothing else finds it) against light sampling.
+/// Weight of light found by a ray that was scattered with density `pdf` (0: nothing else finds it) and left `at`, against light
+/// sampling.
 #[inline]
-pub fn weight(scene: &FlatScene, pdf: f32, hit: &Hit, direction: [f32; 3]) -> f32 {
+pub fn weight(scene: &FlatScene, pdf: f32, at: &Receiver, hit: &Hit, direction: [f32; 3]) -> f32 {
     let light = scene.light_of(hit.instance, hit.triangle);
     if pdf == 0.0 || light == NONE {
         return 1.0;
     }
     let Some(n) = scene.lights.triangles.n.get(light as usize) else {
-        return mis::power(pdf, direct::shape_pdf(scene, light, hit, direction));
+        return mis::power(pdf, direct::shape_pdf(scene, light, at, hit, direction));
     };
     let cos = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
-    mis::power(pdf, direct::triangle_pdf(scene, light, hit.t, cos))
+    mis::power(pdf, direct::facet_pdf(scene, light, at, hit.t, cos))
 }
 
 /// Adds the emission of the hits in `rows`.
@@ -93,7 +95,8 @@ pub fn emit(
         let hit = hit_at(hits, i);
         let light = emitted(scene, materials[i], &hit, lookups);
         if light != [0.0; 3] {
-            let weight = weight(scene, paths.pdf[i], &hit, [paths.dx[i], paths.dy[i], paths.dz[i]]);
+            let at = Receiver::new([paths.ox[i], paths.oy[i], paths.oz[i]], paths.side[i]);
+            let weight = weight(scene, paths.pdf[i], &at, &hit, [paths.dx[i], paths.dy[i], paths.dz[i]]);
             add(tally, paths, i, light, weight);
         }
     }

@@ -144,6 +144,7 @@ pub fn generate(
                 pixel_hash,
                 depth: 0,
                 medium: NONE,
+                side: 0,
             });
         }
         cursor.advance(count as u32, pixels);

@@ -82,6 +82,8 @@ pub struct Settings {
     pub transparent: bool,
     /// There is a light that can be sampled.
     pub sample_lights: bool,
+    /// Which light is sampled depends on where.
+    pub lights_by_place: bool,
     /// Some solid absorbs.
     pub absorbs: bool,
     /// Some surface does not stop every ray.
@@ -118,6 +120,7 @@ impl<'a> Job<'a> {
                 asks_ahead: ahead::pays(scene),
                 transparent: settings.transparent,
                 sample_lights: !scene.lights.choice.is_empty(),
+                lights_by_place: scene.lights.choice.depends_on_place(),
                 absorbs: needs.has(SceneNeeds::VOLUMES),
                 blends: needs.has(SceneNeeds::ALPHA),
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),

@@ -19,6 +19,7 @@ use crate::{
     bsdf::{Lambert, Opaque, Transmissive},
     film::Tile,
     flat::{FlatScene, NONE, ShadingClass, flags},
+    light::Receiver,
     render::{Observer, RenderSettings, Rendered},
     simd::{Bits, Real, V3},
 };
@@ -72,7 +73,7 @@ fn trace<C: Coverage>(
     let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
     let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);
     let mut throughput = V3::splat(1.0);
-    let (mut pdf, mut eta_scale, mut medium) = (0.0, 1.0, NONE);
+    let (mut pdf, mut eta_scale, mut medium, mut side) = (0.0, 1.0, NONE, 0);
     counters.rays.camera += 1;
     for depth in 0.. {
         let hit = scene.accel.nearest(origin, direction, t_max, name(depth, 0), coverage, stacks);
@@ -80,7 +81,7 @@ fn trace<C: Coverage>(
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
             {
-                let light = sky::seen(scene, environment, V3::from_array(direction), pdf);
+                let light = sky::seen(scene, environment, V3::from_array(direction), pdf, |_| Receiver::new(origin, side));
                 tally.add(slot, sample, (throughput * light).lane(0));
             }
             return;
@@ -95,7 +96,7 @@ fn trace<C: Coverage>(
         }
         if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
             let light = emit::emitted(scene, material, &hit, &mut counters.texture_lookups);
-            let weight = emit::weight(scene, pdf, &hit, direction);
+            let weight = emit::weight(scene, pdf, &Receiver::new(origin, side), &hit, direction);
             tally.add(slot, sample, (throughput * V3::from_array(light) * weight).lane(0));
         }
         if scene.materials.flags[material as usize] & flags::UNLIT != 0 {
@@ -149,7 +150,7 @@ fn trace<C: Coverage>(
             throughput = throughput * (1.0 / q);
         }
         (origin, direction, t_max) = (departure.origin.lane(0), departure.direction.lane(0), f32::INFINITY);
-        (pdf, medium) = (departure.pdf, departure.medium[0]);
+        (pdf, medium, side) = (departure.pdf, departure.medium[0], departure.side[0]);
         counters.rays.bounce += 1;
     }
 }

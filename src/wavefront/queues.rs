@@ -40,6 +40,8 @@ soa! {
         depth: u32,
         /// Material row of the solid that the ray is inside, or `NONE`.
         medium: u32,
+        /// The side of the surface that the ray left to, as a [`Receiver`](crate::light::Receiver) reads it.
+        side: u32,
     }
 }
 

@@ -73,6 +73,8 @@ pub struct Departure<F: Real> {
     pub eta_scale: F,
     /// Material row of the solid that the ray is inside.
     pub medium: [u32; 8],
+    /// The side that it leaves to.
+    pub side: [u32; 8],
     /// Lanes that go on.
     pub lanes: u32,
 }
@@ -121,16 +123,16 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let lit = active & B::scatters(&prepared);
     if settings.sample_lights && lit.any() {
         let light =
-            direct::sample(scene, &surface, lit.bits(), u_choice, pair(dimensions::LIGHT), &mut counters.light_lookups);
+            direct::sample(scene, settings, &surface, lit.bits(), transmissive, u_choice, pair(dimensions::LIGHT), &mut counters.light_lookups);
         let wi = surface.frame.to_local(light.wi);
         let (above, below) = surface.sides(light.wi, wi);
-        let sides = if transmissive { above | below } else { above };
+        let sides = if transmissive { (above & light.up) | (below & !light.up) } else { above };
         let reached = lit & light.valid & sides;
         if reached.any() {
             let (f, pdf) = B::eval(&prepared, wi);
             let weight = F::select(light.pdf.gt(zero), mis::power(light.pdf, pdf), F::one());
             let mut carried = at.throughput * f * light.light * weight;
-            let origin = surface.leave(above);
+            let origin = light.origin;
             let direction = V3::select(light.near, light.target - origin, light.target);
             if settings.absorbs {
                 let reach = light.near.bits();
@@ -173,6 +175,9 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         pdf: drawn.pdf,
         eta_scale: at.eta_scale * drawn.eta_scale,
         medium,
+        side: std::array::from_fn(|lane| {
+            if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }
+        }),
         lanes: goes_on.bits(),
     };
     (connection, departure)
@@ -310,6 +315,7 @@ fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQue
             pixel_hash: at.pixel_hash[i],
             depth: at.depth[i] + 1,
             medium: d.medium[i],
+            side: d.side[i],
         });
     }
 }

@@ -74,6 +74,11 @@ impl LightChoice {
         self.near.is_empty() && self.far.illuminance.is_empty() && self.sky <= 0.0
     }
 
+    /// The light that is somewhere, if there is no other.
+    pub fn alone(&self) -> Option<u32> {
+        self.near.alone().filter(|_| !self.depends_on_place())
+    }
+
     /// True if it matters from where a light is chosen.
     pub fn depends_on_place(&self) -> bool {
         self.near.lights() + self.far.illuminance.len() + usize::from(self.sky > 0.0) > 1

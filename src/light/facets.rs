@@ -145,10 +145,8 @@ impl<F: Real> Seen<F> {
     /// area is from there: times the cosine.
     #[inline(always)]
     pub fn pdf(&self, distance2: F, seen_area: F) -> F {
-        let (top, bottom) = (
-            F::select(self.by_area(), distance2, F::one()),
-            F::select(self.by_area(), seen_area, self.solid_angle),
-        );
+        let (top, bottom) =
+            (F::select(self.by_area(), distance2, F::one()), F::select(self.by_area(), seen_area, self.solid_angle));
         top / bottom.max(F::splat(1e-30))
     }
 }

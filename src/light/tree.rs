@@ -77,6 +77,11 @@ impl LightTree {
         self.nodes.is_empty()
     }
 
+    /// The only one that can be drawn.
+    pub fn alone(&self) -> Option<u32> {
+        self.alone
+    }
+
     /// How many can be drawn: none, one, or more, which counts as two.
     pub fn lights(&self) -> usize {
         match (self.alone, self.nodes.is_empty()) {
@@ -181,10 +186,7 @@ impl Node {
         let per_d = one / d2_safe.sqrt();
         // Half the angle that the sphere takes.
         let sin2 = self.radius2 / d2_safe;
-        let spread = (
-            Real::select(inside, -one, (one - sin2).safe_sqrt()),
-            Real::safe_sqrt(sin2).masked(!inside),
-        );
+        let spread = (Real::select(inside, -one, (one - sin2).safe_sqrt()), Real::safe_sqrt(sin2).masked(!inside));
         let with_sin = |cos: f32x8| {
             let cos = Real::max(Real::min(cos, one), -one);
             (cos, (one - cos * cos).safe_sqrt())

@@ -49,8 +49,8 @@ impl Mask for Mask8 {
     }
     #[inline(always)]
     fn from_bits(bits: u32) -> Self {
-        let lanes: [u32; 8] = std::array::from_fn(|i| if bits >> i & 1 == 1 { u32::MAX } else { 0 });
-        Self(bytemuck::cast(lanes))
+        const LANE: u32x8 = u32x8::new([1, 2, 4, 8, 16, 32, 64, 128]);
+        Self(bytemuck::cast((u32x8::splat(bits) & LANE).simd_eq(LANE)))
     }
 }
 

@@ -5,6 +5,7 @@
 //! mode runs. A condition is a [`Mask`]; work that few lanes need is guarded by
 //! [`Mask::any`], which in the scalar twin is an ordinary `if`.
 
+mod compress;
 mod lanes8;
 mod prefetch;
 mod scalar;
@@ -13,6 +14,7 @@ mod vec3;
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 
+pub use self::compress::Compress;
 pub use self::prefetch::prefetch;
 pub use self::vec3::{Frame, Rgb, V3};
 

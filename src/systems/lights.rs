@@ -312,7 +312,8 @@ pub fn choice(flat: &FlatScene) -> LightChoice {
         let m = &flat.instances.world_from_local[light.instance as usize];
         let (least, most) = flat.meshes[flat.instances.mesh[light.instance as usize] as usize].blas.bounds();
         let row_of = |i: usize| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]);
-        let (middle, half) = (0.5 * (Vec3::from(least) + Vec3::from(most)), 0.5 * (Vec3::from(most) - Vec3::from(least)));
+        let (middle, half) =
+            (0.5 * (Vec3::from(least) + Vec3::from(most)), 0.5 * (Vec3::from(most) - Vec3::from(least)));
         let center = Vec3::from_array([0, 1, 2].map(|i| row_of(i).dot(middle) + m[4 * i + 3]));
         let reach = Vec3::from_array([0, 1, 2].map(|i| row_of(i).abs().dot(half)));
         near.push(Emitter {

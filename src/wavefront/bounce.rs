@@ -30,47 +30,37 @@ pub fn survival<F: Real>(most: F, eta_scale: F, limit: F) -> F {
     (most * eta_scale).min(limit)
 }
 
-/// Moves the paths of `from` that survive to the end of `to`.
-///
-/// `to` holds no padding. `alive` is scratch.
-pub fn bounce(sampler: &Sampler, from: &mut PathQueue, alive: &mut Vec<u32>, to: &mut PathQueue) -> Blocks {
-    alive.clear();
+/// Moves the paths of `from` that survive to the end of `to`, which has room for them.
+pub fn bounce(sampler: &Sampler, from: &mut PathQueue, to: &mut PathQueue) -> Blocks {
     let rows = from.len();
-    from.pad();
     for first in (0..rows).step_by(LANES) {
-        let at = first..first + LANES;
-        let [r, g, b, eta] = [&from.throughput_r, &from.throughput_g, &from.throughput_b, &from.eta_scale]
-            .map(|column| <f32x8 as Real>::load(&column[at.clone()]));
-        let depths = &from.depth[at.clone()];
+        let mut block = from.block(first);
         let mut lanes: u32 = if rows - first < LANES { (1_u32 << (rows - first)) - 1 } else { 0xff };
         let mut plays = 0;
-        for (lane, &depth) in depths.iter().enumerate() {
+        for (lane, &depth) in block.depth.iter().enumerate() {
             plays |= u32::from(depth >= ROULETTE_FROM) << lane;
         }
         plays &= lanes;
         if plays != 0 {
-            let bits = |column: &[u32]| <f32x8 as Real>::Bits::from_fn(|lane| column[first + lane]);
+            let [r, g, b, eta] =
+                [block.throughput_r, block.throughput_g, block.throughput_b, block.eta_scale].map(f32x8::new);
+            let bits = |column: [u32; LANES]| <f32x8 as Real>::Bits::from_fn(|lane| column[lane]);
             let dimension = dimensions::at::<f32x8>(
-                bits(&from.depth) + <f32x8 as Real>::Bits::splat(u32::MAX),
+                bits(block.depth) + <f32x8 as Real>::Bits::splat(u32::MAX),
                 dimensions::ROULETTE,
             );
-            let u: f32x8 = sampler.one(bits(&from.pixel_hash), bits(&from.sample), dimension);
-            let limit = f32x8::from_fn(|lane| most_survivors(depths[lane]));
+            let u: f32x8 = sampler.one(bits(block.pixel_hash), bits(block.sample), dimension);
+            let limit = f32x8::from_fn(|lane| most_survivors(block.depth[lane]));
             let q = survival(Real::max(Real::max(r, g), b), eta, limit);
             let player = <f32x8 as Real>::Mask::from_bits(plays);
             let survives = Real::lt(u, q);
             let weight = Real::select(player & survives, f32x8::ONE / q, f32x8::ONE);
-            (r * weight).store(&mut from.throughput_r[at.clone()]);
-            (g * weight).store(&mut from.throughput_g[at.clone()]);
-            (b * weight).store(&mut from.throughput_b[at]);
+            (block.throughput_r, block.throughput_g, block.throughput_b) =
+                ((r * weight).to_array(), (g * weight).to_array(), (b * weight).to_array());
             lanes &= (survives | !player).bits();
         }
-        while lanes != 0 {
-            alive.push(first as u32 + lanes.trailing_zeros());
-            lanes &= lanes - 1;
-        }
+        to.put(&block, lanes);
     }
-    to.append(from, alive);
-    from.clear();
+    from.rewind();
     Blocks::of(rows)
 }

@@ -7,7 +7,8 @@ use crate::accel::{Accel, Coverage, Rays};
 pub fn connect<C: Coverage>(accel: &Accel, shadows: &ShadowQueue, coverage: &C, tally: &mut Tally) {
     accel.occluded_of(shadows, coverage, |row, occluded| {
         if !occluded {
-            tally.add(shadows.slot[row], shadows.sample[row], shadows.light[row]);
+            let light = [shadows.light_r[row], shadows.light_g[row], shadows.light_b[row]];
+            tally.add(shadows.slot[row], shadows.sample[row], light);
         }
     });
 }
@@ -19,7 +20,7 @@ impl Rays for ShadowQueue {
 
     #[inline(always)]
     fn ray(&self, i: usize) -> ([f32; 3], [f32; 3], f32) {
-        (self.origin[i], self.direction[i], self.t_max[i])
+        ([self.ox[i], self.oy[i], self.oz[i]], [self.dx[i], self.dy[i], self.dz[i]], self.t_max[i])
     }
 
     #[inline(always)]

@@ -50,6 +50,66 @@ struct Picked {
     textured: u32,
 }
 
+/// As [`Picked`], of all lanes.
+struct Columns<F: Real> {
+    target: V3<F>,
+    e1: V3<F>,
+    e2: V3<F>,
+    error: V3<F>,
+    normal: V3<F>,
+    radiance: Rgb<F>,
+    measure: F,
+    pmf: F,
+}
+
+impl<F: Real> Columns<F> {
+    /// The same in all lanes.
+    #[inline(always)]
+    fn all(one: &Picked) -> Self {
+        Self {
+            target: V3::from_array(one.target),
+            e1: V3::from_array(one.e1),
+            e2: V3::from_array(one.e2),
+            error: V3::from_array(one.error),
+            normal: V3::from_array(one.normal),
+            radiance: V3::from_array(one.radiance),
+            measure: F::splat(one.measure),
+            pmf: F::splat(one.pmf),
+        }
+    }
+
+    #[inline(always)]
+    fn from_lanes(picked: &[Picked; 8]) -> Self {
+        Self {
+            target: V3::from_fn(|lane| picked[lane].target),
+            e1: V3::from_fn(|lane| picked[lane].e1),
+            e2: V3::from_fn(|lane| picked[lane].e2),
+            error: V3::from_fn(|lane| picked[lane].error),
+            normal: V3::from_fn(|lane| picked[lane].normal),
+            radiance: V3::from_fn(|lane| picked[lane].radiance),
+            measure: F::from_fn(|lane| picked[lane].measure),
+            pmf: F::from_fn(|lane| picked[lane].pmf),
+        }
+    }
+}
+
+/// A flat light, of which the place is still to be drawn.
+#[inline(always)]
+fn on_facet(scene: &FlatScene, row: usize) -> Picked {
+    let flat = &scene.lights.triangles;
+    Picked {
+        target: flat.p0[row],
+        e1: flat.e1[row],
+        e2: flat.e2[row],
+        error: flat.error[row],
+        normal: flat.n[row],
+        radiance: flat.radiance[row],
+        measure: flat.area[row],
+        pmf: 0.0,
+        textured: if flat.texture[row] == NONE { NONE } else { row as u32 },
+    }
+}
+
 /// Row bits of the kinds among the lanes.
 #[derive(Clone, Copy, Default)]
 struct Kinds {
@@ -98,59 +158,62 @@ pub fn sample<F: Real>(
         u_choice = F::select(up, twice, twice - F::one());
     }
     let origin = surface.leave(up);
-    let mut kinds = Kinds::default();
-    let mut picked = [Picked::default(); 8];
-    for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
-        if active >> lane & 1 == 0 {
-            continue;
+    let (mut kinds, mut picked) = (Kinds::default(), [Picked::default(); 8]);
+    let columns = if let Some(row) = settings.only_flat_light {
+        // All lanes look for the same, with certainty but for the side.
+        let pmf = if transmissive { 0.5 } else { 1.0 };
+        let one = Picked { pmf, ..on_facet(scene, row as usize) };
+        kinds.flat = active;
+        kinds.four = active * scene.lights.triangles.four[row as usize];
+        kinds.two_sided = active * scene.lights.triangles.two_sided[row as usize];
+        Columns::all(&one)
+    } else {
+        for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
+            if active >> lane & 1 == 0 {
+                continue;
+            }
+            // Many lights, and then a sky of many texels, need more bits than a sample has.
+            let choice = u_choice.lane(lane);
+            let choice = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
+            let at = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
+            let Some(Chosen { row, pmf, rest }) = lights.choice.sample(&at, choice) else { continue };
+            let bit = 1 << lane;
+            if row < first_local {
+                let (flat, row) = (&lights.triangles, row as usize);
+                kinds.flat |= bit;
+                kinds.four |= flat.four[row] << lane;
+                kinds.two_sided |= flat.two_sided[row] << lane;
+                *one = on_facet(scene, row);
+            } else if row < first_shape {
+                let light = lights.local.row((row - first_local) as usize);
+                kinds.local |= bit;
+                one.target = light.position;
+                one.radiance = light.intensity;
+                one.normal = light.axis;
+                one.error = [light.cos_scale, light.cos_offset, 0.0];
+            } else if row < first_distant {
+                let row = (row - first_shape) as usize;
+                kinds.shape |= bit;
+                kinds.two_sided |= lights.shapes.two_sided[row] << lane;
+                *one = on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]);
+            } else if row < sky_row {
+                let light = lights.distant.row((row - first_distant) as usize);
+                kinds.distant |= bit;
+                one.target = light.to_light;
+                one.radiance = light.illuminance;
+            } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
+                lookups[1] += 1;
+                kinds.sky |= bit;
+                let (direction, pdf, radiance) = map.sample(rest, (u.0.lane(lane), u.1.lane(lane)));
+                one.target = direction;
+                one.measure = pdf;
+                one.radiance = radiance;
+            }
+            one.pmf = pmf;
         }
-        // Many lights, and then a sky of many texels, need more bits than a sample has.
-        let choice = u_choice.lane(lane);
-        let choice = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
-        let at = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
-        let Some(Chosen { row, pmf, rest }) = lights.choice.sample(&at, choice) else { continue };
-        let bit = 1 << lane;
-        one.pmf = pmf;
-        if row < first_local {
-            let (flat, row) = (&lights.triangles, row as usize);
-            kinds.flat |= bit;
-            kinds.four |= flat.four[row] << lane;
-            kinds.two_sided |= flat.two_sided[row] << lane;
-            (one.target, one.e1, one.e2) = (flat.p0[row], flat.e1[row], flat.e2[row]);
-            one.error = flat.error[row];
-            one.normal = flat.n[row];
-            one.measure = flat.area[row];
-            one.radiance = flat.radiance[row];
-            one.textured = if flat.texture[row] == NONE { NONE } else { row as u32 };
-        } else if row < first_shape {
-            let light = lights.local.row((row - first_local) as usize);
-            kinds.local |= bit;
-            one.target = light.position;
-            one.radiance = light.intensity;
-            one.normal = light.axis;
-            one.error = [light.cos_scale, light.cos_offset, 0.0];
-        } else if row < first_distant {
-            let row = (row - first_shape) as usize;
-            kinds.shape |= bit;
-            kinds.two_sided |= lights.shapes.two_sided[row] << lane;
-            *one = Picked { pmf, ..on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]) };
-        } else if row < sky_row {
-            let light = lights.distant.row((row - first_distant) as usize);
-            kinds.distant |= bit;
-            one.target = light.to_light;
-            one.radiance = light.illuminance;
-        } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
-            lookups[1] += 1;
-            kinds.sky |= bit;
-            let (direction, pdf, radiance) = map.sample(rest, (u.0.lane(lane), u.1.lane(lane)));
-            one.target = direction;
-            one.measure = pdf;
-            one.radiance = radiance;
-        }
-    }
-    let mut target = V3::from_fn(|lane| picked[lane].target);
-    let mut radiance: Rgb<F> = V3::from_fn(|lane| picked[lane].radiance);
-    let pmf = F::from_fn(|lane| picked[lane].pmf);
+        Columns::from_lanes(&picked)
+    };
+    let Columns { mut target, e1, e2, error, normal, mut radiance, measure, pmf } = columns;
     let mask = |bits: u32| F::Mask::from_bits(bits);
     let surfaces = kinds.flat | kinds.shape;
     let near = mask(surfaces | kinds.local);
@@ -158,25 +221,25 @@ pub fn sample<F: Real>(
     // Flat lights are drawn from by solid angle.
     let mut seen = None;
     if kinds.flat != 0 {
-        let facets = Facets {
-            p0: target,
-            e1: V3::from_fn(|lane| picked[lane].e1),
-            e2: V3::from_fn(|lane| picked[lane].e2),
-            four: mask(kinds.four),
-        };
+        let facets = Facets { p0: target, e1, e2, four: mask(kinds.four) };
         let as_seen = facets.seen_from(origin);
         let (b1, b2) = as_seen.sample(u);
         // Of those that are not flat, both edges are zero.
         target = facets.e1.scale_add(b1, facets.e2.scale_add(b2, target));
         seen = Some(as_seen);
-        for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
-            if kinds.flat >> lane & 1 == 1 && one.textured != NONE {
-                lookups[0] += 1;
-                let texel = texel(scene, one.textured as usize, b1.lane(lane), b2.lane(lane));
-                (0..3).for_each(|i| one.radiance[i] *= texel[i]);
-            }
+        let mut textured: u32 = 0;
+        if settings.only_flat_light.is_none() {
+            picked.iter().enumerate().for_each(|(lane, one)| textured |= u32::from(one.textured != NONE) << lane);
         }
-        radiance = V3::from_fn(|lane| picked[lane].radiance);
+        textured &= kinds.flat;
+        if textured != 0 {
+            for lane in (0..F::LANES).filter(|lane| textured >> lane & 1 == 1) {
+                lookups[0] += 1;
+                let texel = texel(scene, picked[lane].textured as usize, b1.lane(lane), b2.lane(lane));
+                (0..3).for_each(|i| picked[lane].radiance[i] *= texel[i]);
+            }
+            radiance = V3::from_fn(|lane| picked[lane].radiance);
+        }
     }
 
     let mut wi = target;
@@ -194,12 +257,11 @@ pub fn sample<F: Real>(
         let distance2 = F::select(apart, distance2, F::one());
         let direction = to_light * (F::one() / distance2.sqrt());
         wi = V3::select(near, direction, wi);
-        let normal: V3<F> = V3::from_fn(|lane| picked[lane].normal);
         let cos = -direction.dot(normal);
         if surfaces != 0 {
             let is_surface = mask(surfaces);
             let faces = cos.gt(F::zero()) | (mask(kinds.two_sided) & cos.lt(F::zero()));
-            let area = F::from_fn(|lane| picked[lane].measure) * cos.abs();
+            let area = measure * cos.abs();
             // Where the light is seen edge-on the weight runs to zero with the cosine.
             let mut density = distance2 / area.max(F::splat(1e-30));
             if let Some(seen) = seen {
@@ -211,21 +273,18 @@ pub fn sample<F: Real>(
             light = V3::select(is_surface, light * (F::one() / density), light);
             valid = valid | seen;
             // The end of the ray is moved off the light towards the surface by the light's own error.
-            let error: V3<F> = V3::from_fn(|lane| picked[lane].error);
             let shift = normal.abs().dot(error).copysign(cos);
             end = V3::select(is_surface, normal.scale_add(shift, end), end);
         }
         if kinds.local != 0 {
             let is_local = mask(kinds.local);
-            let scale = F::from_fn(|lane| picked[lane].error[0]);
-            let offset = F::from_fn(|lane| picked[lane].error[1]);
-            let falloff = cos.mul_add(scale, offset).saturate().sqr();
+            let falloff = cos.mul_add(error.x, error.y).saturate().sqr();
             light = V3::select(is_local, light * (falloff / distance2), light);
             valid = valid | (is_local & apart & falloff.gt(F::zero()));
         }
     }
     if kinds.sky != 0 {
-        let density = F::from_fn(|lane| picked[lane].measure);
+        let density = measure;
         let is_sky = mask(kinds.sky);
         let seen = is_sky & density.gt(F::zero());
         light = V3::select(is_sky, light * (F::one() / F::select(seen, density, F::one())).masked(seen), light);

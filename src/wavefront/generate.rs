@@ -5,7 +5,7 @@ use wide::f32x8;
 
 use super::{
     dimensions,
-    queues::{Path, PathQueue},
+    queues::{PathBlock, PathQueue},
     stats::Blocks,
 };
 use crate::{
@@ -93,7 +93,7 @@ impl Cursor {
     }
 }
 
-/// Adds paths to the queue until it holds `capacity` or the cursor is at its end.
+/// Adds paths to the queue, which has room for them, until it holds `capacity` or the cursor is at its end.
 pub fn generate(
     lens: &Lens,
     filter: &FilterTable,
@@ -122,31 +122,35 @@ pub fn generate(
         let u: (f32x8, f32x8) =
             sampler.pair(Bits::from_fn(|lane| hashes[lane]), sample, Bits::splat(dimensions::FILTER));
         let (dx, dy) = (filter.offset(u.0), filter.offset(u.1));
-        for (lane, &pixel_hash) in hashes.iter().enumerate().take(count) {
+        let mut block = PathBlock {
+            ox: [0.0; LANES],
+            oy: [0.0; LANES],
+            oz: [0.0; LANES],
+            dx: [0.0; LANES],
+            dy: [0.0; LANES],
+            dz: [0.0; LANES],
+            t_max: [0.0; LANES],
+            throughput_r: [1.0; LANES],
+            throughput_g: [1.0; LANES],
+            throughput_b: [1.0; LANES],
+            pdf: [0.0; LANES],
+            eta_scale: [1.0; LANES],
+            slot: [0; LANES],
+            sample: [cursor.sample; LANES],
+            pixel_hash: hashes,
+            depth: [0; LANES],
+            medium: [NONE; LANES],
+            side: [0; LANES],
+        };
+        for lane in 0..count {
             let (slot, x, y) = place(lane);
             let (x, y) = (f64::from(x) + 0.5 + f64::from(dx.lane(lane)), f64::from(y) + 0.5 + f64::from(dy.lane(lane)));
             let (o, d, t_max) = lens.ray(x, y);
-            paths.push(Path {
-                ox: o[0],
-                oy: o[1],
-                oz: o[2],
-                dx: d[0],
-                dy: d[1],
-                dz: d[2],
-                t_max,
-                throughput_r: 1.0,
-                throughput_g: 1.0,
-                throughput_b: 1.0,
-                pdf: 0.0,
-                eta_scale: 1.0,
-                slot,
-                sample: cursor.sample,
-                pixel_hash,
-                depth: 0,
-                medium: NONE,
-                side: 0,
-            });
+            [block.ox[lane], block.oy[lane], block.oz[lane]] = o;
+            [block.dx[lane], block.dy[lane], block.dz[lane]] = d;
+            (block.t_max[lane], block.slot[lane]) = (t_max, slot);
         }
+        paths.put(&block, (1 << count) - 1);
         cursor.advance(count as u32, pixels);
     }
     blocks

@@ -61,7 +61,7 @@ use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
     film::{Tile, Unit},
-    flat::{FlatScene, SceneNeeds, ShadingClass},
+    flat::{FlatScene, NONE, SceneNeeds, ShadingClass},
     render::{LayerKind, RenderSettings},
     sampling::{FilterTable, Sampler},
     simd::LANES,
@@ -84,6 +84,8 @@ pub struct Settings {
     pub sample_lights: bool,
     /// Which light is sampled depends on where.
     pub lights_by_place: bool,
+    /// The row of the only light, if it is flat, of one colour, and all that can be sampled.
+    pub only_flat_light: Option<u32>,
     /// Some solid absorbs.
     pub absorbs: bool,
     /// Some surface does not stop every ray.
@@ -120,6 +122,11 @@ impl<'a> Job<'a> {
                 asks_ahead: ahead::pays(scene),
                 transparent: settings.transparent,
                 sample_lights: !scene.lights.choice.is_empty(),
+                only_flat_light: scene
+                    .lights
+                    .choice
+                    .alone()
+                    .filter(|&row| scene.lights.triangles.texture.get(row as usize) == Some(&NONE)),
                 lights_by_place: scene.lights.choice.depends_on_place(),
                 absorbs: needs.has(SceneNeeds::VOLUMES),
                 blends: needs.has(SceneNeeds::ALPHA),
@@ -142,7 +149,6 @@ pub struct Worker {
     hits: HitQueue,
     shadows: ShadowQueue,
     order: Order,
-    alive: Vec<u32>,
     /// What this worker did.
     counters: Counters,
 }
@@ -165,17 +171,16 @@ impl Worker {
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
         let mut cursor = Cursor::new(from, to);
-        let Self { paths, next, hits, shadows, order, alive, counters } = self;
-        paths.clear();
-        next.clear();
+        let Self { paths, next, hits, shadows, order, counters } = self;
+        paths.rewind();
+        next.rewind();
         // Once, so that no stage allocates however the paths of a wave turn out.
         let rows = settings.wave_size.min(tile.pixels() * (to - from) as usize);
-        paths.reserve(rows);
-        next.reserve(rows);
+        paths.make_room(rows);
+        next.make_room(rows);
         hits.reserve(rows);
-        shadows.reserve(rows);
+        shadows.make_room(rows);
         order.reserve(rows, settings.sorted);
-        alive.reserve(rows.saturating_sub(alive.len()));
         loop {
             // Half a wave of survivors is topped up at once rather than a few rows at a time.
             let before = paths.len();
@@ -237,7 +242,7 @@ impl Worker {
                     }
                 });
             }
-            shadows.clear();
+            shadows.rewind();
             let surfaces = paths.len() - order.count(sort::MISS) - unlit;
             if surfaces > 0 {
                 counters.time_blocks(Stage::Shade, surfaces, |counters| {
@@ -259,9 +264,9 @@ impl Worker {
                     connect::connect(&scene.accel, shadows, coverage, &mut tally);
                 });
             }
-            paths.clear();
+            paths.rewind();
             if !next.is_empty() {
-                counters.time_blocks(Stage::Bounce, next.len(), |_| bounce::bounce(sampler, next, alive, paths));
+                counters.time_blocks(Stage::Bounce, next.len(), |_| bounce::bounce(sampler, next, paths));
             }
         }
         tile.halves = std::mem::take(&mut tally.halves);

@@ -81,7 +81,8 @@ fn trace<C: Coverage>(
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
             {
-                let light = sky::seen(scene, environment, V3::from_array(direction), pdf, |_| Receiver::new(origin, side));
+                let light =
+                    sky::seen(scene, environment, V3::from_array(direction), pdf, |_| Receiver::new(origin, side));
                 tally.add(slot, sample, (throughput * light).lane(0));
             }
             return;

@@ -1,10 +1,54 @@
 //! What flows between the stages.
 
-use crate::soa;
+use crate::{
+    simd::{Compress, LANES},
+    soa,
+};
 
-soa! {
+/// Declares a table of 32-bit columns that blocks of eight rows are put into, some of their lanes at a time.
+///
+/// As `soa!`, with the struct of a block in addition. Behind the last row each column has room, so that a whole vector is written
+/// where fewer lanes count.
+macro_rules! queue {
+    ($(#[$meta:meta])* pub struct $table:ident of $row:ident by $block:ident { $($(#[$fmeta:meta])* $field:ident: $ty:ty,)+ }) => {
+        soa! { $(#[$meta])* pub struct $table of $row { $($(#[$fmeta])* $field: $ty,)+ } }
+
+        #[doc = concat!("Eight rows of [`", stringify!($table), "`], lane by lane.")]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $block { $($(#[$fmeta])* pub $field: [$ty; LANES],)+ }
+
+        #[allow(dead_code)]
+        impl $table {
+            /// Forgets all rows and keeps the room for them.
+            pub fn rewind(&mut self) { self.len = 0; }
+
+            /// Makes room for so many rows.
+            pub fn make_room(&mut self, rows: usize) {
+                let room = rows.next_multiple_of(LANES) + 2 * LANES;
+                $(if self.$field.len() < room { self.$field.resize(room, <$ty>::default()); })+
+            }
+
+            /// Adds the rows of the lanes whose bits are set, for which there must be room.
+            #[inline(always)]
+            pub fn put(&mut self, block: &$block, lanes: u32) {
+                let compress = Compress::new(lanes);
+                let at = self.len;
+                $(self.$field[at..at + LANES].copy_from_slice(&compress.apply(block.$field));)+
+                self.len = at + compress.count;
+            }
+
+            /// The eight rows from `first` on; those behind the last one hold anything.
+            #[inline(always)]
+            pub fn block(&self, first: usize) -> $block {
+                $block { $($field: *self.$field[first..].first_chunk().expect("there is room behind the last row"),)+ }
+            }
+        }
+    };
+}
+
+queue! {
     /// Paths under way, one row each. A row's ray starts at the path's last vertex.
-    pub struct PathQueue of Path {
+    pub struct PathQueue of Path by PathBlock {
         /// Start of the ray, m; off the surface it leaves by more than its rounding error.
         ox: f32,
         /// As above.
@@ -63,19 +107,31 @@ soa! {
     }
 }
 
-soa! {
+queue! {
     /// Rays towards lights, with the light that they carry if nothing is in the way.
-    pub struct ShadowQueue of Shadow {
+    pub struct ShadowQueue of Shadow by ShadowBlock {
         /// Start, m.
-        origin: [f32; 3],
+        ox: f32,
+        /// As above.
+        oy: f32,
+        /// As above.
+        oz: f32,
         /// Direction, not of unit length.
-        direction: [f32; 3],
+        dx: f32,
+        /// As above.
+        dy: f32,
+        /// As above.
+        dz: f32,
         /// End, in units of the direction.
         t_max: f32,
         /// Decides about surfaces that cover in part.
         ray_id: u32,
-        /// What the pixel gets, nit.
-        light: [f32; 3],
+        /// What the pixel gets, nit, red.
+        light_r: f32,
+        /// As above, green.
+        light_g: f32,
+        /// As above, blue.
+        light_b: f32,
         /// Place of the pixel in the tile sums.
         slot: u32,
         /// Index of the sample.

@@ -3,10 +3,8 @@
 use wide::f32x8;
 
 use super::{
-    Settings, ahead,
-    dimensions::{self, ray_id},
-    direct,
-    queues::{HitQueue, Path, PathQueue, Shadow, ShadowQueue},
+    Settings, ahead, dimensions, direct,
+    queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts},
 };
@@ -122,8 +120,16 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), lanes: 0 };
     let lit = active & B::scatters(&prepared);
     if settings.sample_lights && lit.any() {
-        let light =
-            direct::sample(scene, settings, &surface, lit.bits(), transmissive, u_choice, pair(dimensions::LIGHT), &mut counters.light_lookups);
+        let light = direct::sample(
+            scene,
+            settings,
+            &surface,
+            lit.bits(),
+            transmissive,
+            u_choice,
+            pair(dimensions::LIGHT),
+            &mut counters.light_lookups,
+        );
         let wi = surface.frame.to_local(light.wi);
         let (above, below) = surface.sides(light.wi, wi);
         let sides = if transmissive { (above & light.up) | (below & !light.up) } else { above };
@@ -266,56 +272,49 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
 
 #[inline(always)]
 fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut ShadowQueue, blends: bool) {
-    let [ox, oy, oz] = [c.origin.x, c.origin.y, c.origin.z].map(f32x8::to_array);
-    let [dx, dy, dz] = [c.direction.x, c.direction.y, c.direction.z].map(f32x8::to_array);
-    let [r, g, b] = [c.light.x, c.light.y, c.light.z].map(f32x8::to_array);
-    let t_max = c.t_max.to_array();
-    let mut lanes = c.lanes;
-    while lanes != 0 {
-        let i = lanes.trailing_zeros() as usize;
-        lanes &= lanes - 1;
-        let id = if blends { ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1) } else { 0 };
-        shadows.push(Shadow {
-            origin: [ox[i], oy[i], oz[i]],
-            direction: [dx[i], dy[i], dz[i]],
-            t_max: t_max[i],
-            ray_id: id,
-            light: [r[i], g[i], b[i]],
-            slot: at.slot[i],
-            sample: at.sample[i],
-        });
+    let mut ray_id = [0; LANES];
+    if blends {
+        ray_id = std::array::from_fn(|i| dimensions::ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1));
     }
+    let block = ShadowBlock {
+        ox: c.origin.x.to_array(),
+        oy: c.origin.y.to_array(),
+        oz: c.origin.z.to_array(),
+        dx: c.direction.x.to_array(),
+        dy: c.direction.y.to_array(),
+        dz: c.direction.z.to_array(),
+        t_max: c.t_max.to_array(),
+        ray_id,
+        light_r: c.light.x.to_array(),
+        light_g: c.light.y.to_array(),
+        light_b: c.light.z.to_array(),
+        slot: at.slot,
+        sample: at.sample,
+    };
+    shadows.put(&block, c.lanes);
 }
 
 #[inline(always)]
 fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQueue) {
-    let [ox, oy, oz] = [d.origin.x, d.origin.y, d.origin.z].map(f32x8::to_array);
-    let [dx, dy, dz] = [d.direction.x, d.direction.y, d.direction.z].map(f32x8::to_array);
-    let [r, g, b] = [d.throughput.x, d.throughput.y, d.throughput.z].map(f32x8::to_array);
-    let (pdf, eta_scale) = (d.pdf.to_array(), d.eta_scale.to_array());
-    let mut lanes = d.lanes;
-    while lanes != 0 {
-        let i = lanes.trailing_zeros() as usize;
-        lanes &= lanes - 1;
-        next.push(Path {
-            ox: ox[i],
-            oy: oy[i],
-            oz: oz[i],
-            dx: dx[i],
-            dy: dy[i],
-            dz: dz[i],
-            t_max: f32::INFINITY,
-            throughput_r: r[i],
-            throughput_g: g[i],
-            throughput_b: b[i],
-            pdf: pdf[i],
-            eta_scale: eta_scale[i],
-            slot: at.slot[i],
-            sample: at.sample[i],
-            pixel_hash: at.pixel_hash[i],
-            depth: at.depth[i] + 1,
-            medium: d.medium[i],
-            side: d.side[i],
-        });
-    }
+    let block = PathBlock {
+        ox: d.origin.x.to_array(),
+        oy: d.origin.y.to_array(),
+        oz: d.origin.z.to_array(),
+        dx: d.direction.x.to_array(),
+        dy: d.direction.y.to_array(),
+        dz: d.direction.z.to_array(),
+        t_max: [f32::INFINITY; LANES],
+        throughput_r: d.throughput.x.to_array(),
+        throughput_g: d.throughput.y.to_array(),
+        throughput_b: d.throughput.z.to_array(),
+        pdf: d.pdf.to_array(),
+        eta_scale: d.eta_scale.to_array(),
+        slot: at.slot,
+        sample: at.sample,
+        pixel_hash: at.pixel_hash,
+        depth: at.depth.map(|depth| depth + 1),
+        medium: d.medium,
+        side: d.side,
+    };
+    next.put(&block, d.lanes);
 }

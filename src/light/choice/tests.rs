@@ -29,7 +29,9 @@ fn kinds_are_mixed_with_their_probability() {
         const N: u32 = 10_000;
         let mut drawn = vec![(0_u32, 0.0_f32); choice.len()];
         for i in 0..N {
-            let one = choice.sample(&at, (f64::from(i) + 0.5) / f64::from(N)).unwrap_or_else(|| panic!("{mixture} {i} {at:?}"));
+            let one = choice
+                .sample(&at, (f64::from(i) + 0.5) / f64::from(N))
+                .unwrap_or_else(|| panic!("{mixture} {i} {at:?}"));
             let (times, pmf) = &mut drawn[one.row as usize];
             (*times, *pmf) = (*times + 1, one.pmf);
             assert!((0.0..1.0).contains(&one.rest));

@@ -32,7 +32,7 @@
 //! | [`film`] | 6 | sums → pixels → files |
 //! | [`accel`] | | rays → hits: a tree or another structure per mesh, under a tree over instances |
 //! | [`bsdf`] | | directions at a surface → how much is scattered, and samples of it |
-//! | [`light`] | | the sky as a light: look-up and sampling |
+//! | [`light`] | | a point → a light that may shine there, and where on it; the sky |
 //! | [`sampling`] | | (pixel, sample, dimension, seed) → numbers, directions, choices |
 //! | [`simd`] | | eight lanes, or one, of the arithmetic that kernels are written in |
 //! | [`reference`](mod@reference) | | tables → picture by recursion in f64, to compare with |
@@ -121,8 +121,10 @@
 //!
 //! - `load` reads glTF with its own checked code; the `gltf` crate lends constants, and tests compare the two.
 //! - The eight-wide trees are collapsed from binary trees that obvhs builds; the top level is always one.
-//! - Emission and light sampling of surfaces and punctual lights are kernels of the wavefront (`direct`,
-//!   `emit`), because they read its queues; [`light`] holds the environment, which needs tables of its own.
+//! - What a light brings to a surface is computed by kernels of the wavefront (`direct`, `emit`), because they read its
+//!   queues; [`light`] chooses one, and has what it takes to draw a place on it.
+//! - Light trees have eight children to a node, and no splitting. Quads are drawn from as two spherical triangles with no
+//!   seam, which serves any parallelogram, in place of a spherical rectangle.
 //! - A wave is topped up with camera rays as its paths end, so that blocks stay full. Sums are exact,
 //!   so that changes no bit.
 //! - Scenes that need them have four stages more than the drawing: those listed above.

@@ -171,6 +171,26 @@ fn slower_and_noisier_tables_are_a_loss() {
     assert_eq!(compare(&new, &still, 0).0, ["better", "better", "same"]);
 }
 
+/// Rounds that are measured apart are the same renders as those that are measured together, and their tables are read as
+/// one.
+#[test]
+fn rounds_can_be_measured_apart() {
+    let folder = Folder::new();
+    let all = json(&bench(&folder, "all", &["--rounds", "0..2"]).expect(0));
+    let apart = ["0..1", "1..2"].map(|rounds| json(&bench(&folder, rounds, &["--rounds", rounds]).expect(0)));
+    let errors = |result: &Value| -> Vec<(u64, f64)> {
+        let renders = result["renders"].as_array().unwrap().iter();
+        renders.map(|it| (it["seed"].as_u64().unwrap(), it["relmse"].as_f64().unwrap())).collect()
+    };
+    let mut parts = apart.each_ref().map(errors).concat();
+    parts.sort_by_key(|(seed, _)| *seed);
+    assert_eq!(parts, errors(&all));
+    let tables = ["all", "0..1", "1..2"].map(|name| folder.at(name).join("error.csv").to_str().unwrap().to_owned());
+    let words = ["bench", "error", "--tolerance", "95%", "--compare", &tables[0], "--measured", &tables[1], &tables[2]];
+    let compared = wavecast(words).expect(0).stdout;
+    assert!(compared.contains("same 1.000"), "{compared}");
+}
+
 #[test]
 fn what_makes_no_sense_is_bad_usage() {
     let line = super::line;

@@ -123,6 +123,9 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     if args.scenes.is_empty() && error.measured.is_empty() {
         return Err(CliError::Usage("bench error needs a SCENE, or --measured with --compare".into()));
     }
+    if let Some((_, twice)) = args.scenes.iter().enumerate().find(|(place, it)| args.scenes[..*place].contains(it)) {
+        return Err(CliError::Usage(format!("{twice} is named twice")));
+    }
     // Before hours are spent.
     let old = measured::read_all(&error.compare)?;
     if let Some(folder) = &args.output {
@@ -223,10 +226,7 @@ fn measure_all(args: &Args, console: &mut Console) -> Result<Vec<Render>, CliErr
         ..RenderSettings::default()
     };
     let mut scenes = Vec::new();
-    for (place, source) in args.scenes.iter().enumerate() {
-        if args.scenes[..place].contains(source) {
-            return Err(CliError::Usage(format!("{source} is named twice")));
-        }
+    for source in &args.scenes {
         scenes.push(prepare(source, args, size, &settings, console)?);
     }
     let mut renders = Vec::new();

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use wavecast::{
     film::{self, Exposure, Format, Picture, Referred, ToneMap, WriteOptions},
-    measure::{flip, heat, metrics, ssim::ssim},
+    measure::{
+        flip, heat,
+        metrics::{self, TRIMMED},
+        ssim::ssim,
+    },
 };
 
 use super::{Outcome, args::DisplayArgs, console::Console, error::CliError};
-
-/// Share of the pixels that `relmse_trimmed` leaves out.
-const TRIMMED: f64 = 0.001;
 
 /// Compare picture A with the reference B: MSE, RMSE, relMSE, PSNR, SSIM, FLIP
 ///

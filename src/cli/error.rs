@@ -42,6 +42,18 @@ pub enum CliError {
     /// The answer of `bench wavefront` if what is measured does not make the same picture.
     #[error("{scene}: {variant} makes another picture: {pixels} pixels differ; its times mean nothing")]
     WrongPicture { scene: String, variant: String, pixels: usize },
+    /// A table that `bench error` did not write, or that is not all there.
+    #[error("{}: not a table of renders by wavecast bench error: {problem}", path.display())]
+    Table { path: PathBuf, problem: String },
+    /// A picture that is in the place of a reference.
+    #[error("{}: not a reference that wavecast bench error made; remove it, and it is made again", path.display())]
+    NoReference { path: PathBuf },
+    /// The answer of `bench error --compare` if a scene takes longer to the same error.
+    #[error("less efficient than {}, beyond the noise: {}", than.display(), scenes.join(", "))]
+    Lost { than: PathBuf, scenes: Vec<String> },
+    /// Nothing in one table can be held against the other.
+    #[error("nothing to compare with {}: {reason}", with.display())]
+    Incomparable { with: PathBuf, reason: String },
     /// A library that cannot be used.
     #[cfg(feature = "embree")]
     #[error("{}: {problem}", path.display())]

@@ -60,6 +60,7 @@ enum Command {
 }
 
 /// How a subcommand ended, if not with an error.
+#[derive(Debug)]
 enum Outcome {
     Done,
     Interrupted,

@@ -36,7 +36,7 @@ mod textures;
 mod uri;
 mod vertices;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use self::{buffers::Buffers, document::Document, error::Warnings};
 pub use self::{
@@ -100,4 +100,27 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let buffers = Buffers::new(&document, folder, container.binary);
     let scene = scene::read(&document, &buffers, options, &mut info, &mut warnings)?;
     Ok(Loaded { scene, warnings: warnings.list, info })
+}
+
+/// The files that a scene is made of: its own, then the buffers and images beside it, in the order of the file.
+///
+/// What is not there, or must not be followed, is left out: whether the scene needs it, [`load`] finds out.
+///
+/// # Errors
+/// If the scene file cannot be read or is not a glTF 2.0 file.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>, LoadError> {
+    let container = container::open(path)?;
+    let document = Document::new(&container.json, error::Place::file(path))?;
+    let folder = path.parent().unwrap_or_else(|| Path::new(""));
+    let mut all = vec![path.to_owned()];
+    for kind in [document::BUFFERS, document::IMAGES] {
+        for element in document.elements(kind) {
+            let Some(uri) = element.get("uri")? else { continue };
+            match uri::resolve(&uri, folder) {
+                Ok(uri::Target::File(file)) if file.is_file() => all.push(file),
+                _ => {}
+            }
+        }
+    }
+    Ok(all)
 }

@@ -3,6 +3,9 @@
 //! `x` is the picture under test, `reference` what it should be; one value per pixel each.
 //! A number that is not finite makes every mean that meets it not finite: nothing is hidden.
 
+/// Share of the pixels that `relmse_trimmed` leaves out, wherever it is told.
+pub const TRIMMED: f64 = 0.001;
+
 /// Mean over pixels and channels of (x − ref)².
 pub fn mse(x: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     mean(pairs(x, reference).map(|(x, r)| (x - r) * (x - r)))
@@ -19,7 +22,7 @@ pub fn rel_mse(x: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
 /// [`rel_mse`] with the worst `share` of the pixels left out, rounded down to whole pixels.
 pub fn rel_mse_trimmed(x: &[[f32; 3]], reference: &[[f32; 3]], share: f64) -> f64 {
     let mut errors = pixel_rel_se(x, reference);
-    let kept = errors.len() - (errors.len() as f64 * share) as usize;
+    let kept = kept(errors.len(), share);
     errors.sort_unstable_by(f64::total_cmp);
     mean(errors[..kept].iter().copied())
 }
@@ -36,14 +39,24 @@ pub fn non_finite(x: &[[f32; 3]]) -> usize {
 
 /// Each pixel's relative error, the mean of its channels.
 fn pixel_rel_se(x: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
-    let m = mean(reference.iter().flatten().map(|&r| f64::from(r)));
-    let floor = 0.01 * m * m;
+    let floor = floor(reference);
     let error = |x: f32, r: f32| {
         let (x, r) = (f64::from(x), f64::from(r));
         if x == r { 0.0 } else { (x - r) * (x - r) / (r * r + floor) }
     };
     let pixel = |(x, r): (&[f32; 3], &[f32; 3])| (error(x[0], r[0]) + error(x[1], r[1]) + error(x[2], r[2])) / 3.0;
     x.iter().zip(reference).map(pixel).collect()
+}
+
+/// 0.01·m², m the mean of the reference: what keeps relative errors of dark pixels finite.
+pub(super) fn floor(reference: &[[f32; 3]]) -> f64 {
+    let m = mean(reference.iter().flatten().map(|&r| f64::from(r)));
+    0.01 * m * m
+}
+
+/// How many pixels are left if the worst `share` of them, rounded down to whole pixels, is left out.
+pub(super) fn kept(pixels: usize, share: f64) -> usize {
+    pixels - (pixels as f64 * share) as usize
 }
 
 fn pairs<'a>(x: &'a [[f32; 3]], reference: &'a [[f32; 3]]) -> impl Iterator<Item = (f64, f64)> + 'a {

@@ -1,10 +1,12 @@
 //! How far a picture is from another, and the statistics that tests and error bars stand on.
 
+pub mod converged;
 pub mod flip;
 pub mod heat;
 pub mod metrics;
 pub mod ssim;
 pub mod statistics;
+pub mod student;
 
 #[cfg(test)]
 mod published;

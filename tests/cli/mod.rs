@@ -2,6 +2,7 @@
 
 mod bench;
 mod compare;
+mod error;
 mod render;
 mod usage;
 

@@ -230,3 +230,22 @@ fn every_environment_of_the_pack_loads() {
         assert!(warnings.is_empty() && map.texels.iter().flatten().any(|&x| x > 0.0), "{}", path.display());
     }
 }
+
+/// Buffers and images beside the scene; not what is inside it, is not there, or must not be followed.
+#[test]
+fn the_files_of_a_scene_are_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let json = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 1, "uri": "a%20b.bin"}, {"byteLength": 1, "uri": "data:;base64,AA=="}],
+        "images": [{"uri": "c.png"}, {"uri": "gone.png"}, {"uri": "../c.png"}, {"uri": "https://example.com/c.png"}],
+    });
+    std::fs::write(at("scene.gltf"), json.to_string()).unwrap();
+    for name in ["a b.bin", "c.png"] {
+        std::fs::write(at(name), [0]).unwrap();
+    }
+    let files = wavecast::load::files(&at("scene.gltf")).unwrap();
+    assert_eq!(files, ["scene.gltf", "a b.bin", "c.png"].map(at));
+    assert!(wavecast::load::files(&at("c.png")).is_err());
+}

@@ -9,17 +9,17 @@ use wavecast::{
     film::{self, Picture, WriteOptions},
     flat::FlatScene,
     load::load_environment,
-    measure::statistics::{Moments, normal_two_sided, sidak},
+    measure::{
+        statistics::{Moments, normal_two_sided, sidak},
+        student::student_two_sided,
+    },
     reference::{self, ReferenceSettings},
     render::{PixelFilter, RenderSettings, Renderer, SamplerKind},
     wavefront,
     world::{Environment, Material, Scene, SceneKey, Sky},
 };
 
-use crate::common::{
-    asset, load_scene, look, root,
-    trials::{scaled, student_two_sided},
-};
+use crate::common::{asset, load_scene, look, root, trials::scaled};
 
 /// What rounding to f32 may change in a pixel, as a share of it.
 const ROUNDING: f64 = 1e-4;

@@ -7,6 +7,7 @@ mod contender;
 mod draw;
 #[cfg(feature = "embree")]
 mod embree;
+mod error;
 mod glb;
 mod growth;
 mod kernels;
@@ -37,6 +38,8 @@ use super::{
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  wavecast bench accel hall foliage:1e5 scenes/gallery.glb -o results
   wavecast bench wavefront scenes/cornell.gltf --parts modes -o results
+  wavecast bench error scenes/cornell.gltf -o before
+  wavecast bench error scenes/cornell.gltf -o after --compare before/error.csv
 
 SCENE is a .gltf or .glb file, or one that is made on the spot, of about N triangles (1e3 to 1e7):
   hall[:N]     a room with columns and statues; 1.1e6 if nothing is said
@@ -76,13 +79,14 @@ pub struct Args {
     /// --threads]
     #[arg(long, value_name = "N", value_delimiter = ',')]
     scaling: Vec<NonZeroUsize>,
-    /// wavefront: pixels
-    #[arg(long, value_name = "WxH", value_parser = args::size, default_value = "256x256")]
-    size: Size,
-    /// wavefront: samples per pixel; the reference takes 2 of a fourth of the pixels
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
-    spp: u32,
-    /// wavefront: environment, a lat-long picture in nit, or R,G,B in nit
+    /// Pixels [default: wavefront: 256x256; error: 400x400]
+    #[arg(long, value_name = "WxH", value_parser = args::size)]
+    size: Option<Size>,
+    /// wavefront: samples per pixel; the reference takes 2 of a fourth of the pixels [default: 8]. error: most samples per
+    /// pixel [default: as many as fit into the budget]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Option<u32>,
+    /// wavefront, error: environment, a lat-long picture in nit, or R,G,B in nit
     #[arg(long, value_name = "FILE|R,G,B", value_parser = args::env)]
     env: Option<EnvArg>,
     /// wavefront: what is measured [default: all]
@@ -117,6 +121,8 @@ pub struct Args {
     /// Where --draw cuts: an axis, and the coordinate on it in metres, such as y=1.5 [default: the middle, across z]
     #[arg(long, value_name = "AXIS[=M]", value_parser = draw::slice, requires = "draw")]
     slice: Option<Slice>,
+    #[command(flatten)]
+    error: error::ErrorArgs,
     /// Compare with Embree 4: its library, or a folder that has it
     #[cfg(feature = "embree")]
     #[arg(long, value_name = "PATH")]
@@ -131,6 +137,8 @@ enum What {
     Kernels,
     /// The render loop: paths per second, in total and by stage, against one path at a time and the reference
     Wavefront,
+    /// Error against time: relMSE of rising numbers of samples against a converged picture, and what became of it
+    Error,
 }
 
 /// A part of `bench wavefront`.
@@ -152,5 +160,6 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
         What::Accel => accel::run(args, console),
         What::Kernels => kernels::run(args, console),
         What::Wavefront => wavefront::run(args, console),
+        What::Error => error::run(args, console),
     }
 }

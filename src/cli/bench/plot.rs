@@ -113,7 +113,7 @@ pub fn bars(path: &Path, rows: &[&Row]) -> Result<(), CliError> {
 }
 
 /// Around two numbers, from a power of ten to a power of ten; a little more, or the first of them has no label.
-fn decades(least: f64, most: f64) -> std::ops::Range<f64> {
+pub fn decades(least: f64, most: f64) -> std::ops::Range<f64> {
     let (from, to) = (least.log10().floor(), most.log10().ceil());
     10_f64.powf(from) * (1.0 - 1e-6)..10_f64.powf(to.max(from + 1.0)) * (1.0 + 1e-6)
 }

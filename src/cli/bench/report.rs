@@ -87,6 +87,15 @@ impl Row {
     }
 }
 
+/// What the figures were taken on.
+pub fn machine() -> String {
+    let cpu = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = cpu.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split(": ").nth(1));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let features = if cfg!(target_feature = "avx2") { "x86-64-v3 or better" } else { "baseline" };
+    format!("{} ({cores} threads there), built for {features}", model.unwrap_or("unknown CPU"))
+}
+
 /// For programs that draw and calculate.
 pub fn csv(rows: impl Iterator<Item = Map<String, Value>>) -> String {
     let mut text = String::new();

@@ -22,13 +22,17 @@ use wavecast::{
 use self::report::{Row, StageRow};
 use super::{
     Args, Part,
-    report::{Spread, csv},
+    report::{Spread, csv, machine},
     subject::Source,
 };
 use crate::cli::{Outcome, args::Size, console::Console, error::CliError, render::set_environment};
 
 /// Times each figure is taken if nothing is said.
 const RUNS: u32 = 7;
+/// Pixels if nothing is said.
+const SIZE: Size = Size([256, 256]);
+/// Samples per pixel if nothing is said.
+const SPP: u32 = 8;
 /// Paths in a wave: from a block to more than fits into any cache of one core.
 const WAVE_SIZES: std::ops::RangeInclusive<u32> = 3..=17;
 /// Edge of a tile where the number of paths in a wave is what is measured, pixels: else the tile is what ends a wave.
@@ -85,11 +89,11 @@ fn variants(args: &Args) -> Vec<Variant> {
         [] => (0..).map(|log| 1 << log).take_while(|&n| n < cores).chain([cores]).collect(),
         given => given.iter().map(|n| n.get()).collect(),
     };
-    let Size([width, height]) = args.size;
+    let Size([width, height]) = args.size.unwrap_or(SIZE);
     let settings = RenderSettings {
         width,
         height,
-        spp: Some(args.spp),
+        spp: Some(args.spp.unwrap_or(SPP)),
         filter: PixelFilter::Box,
         threads: scaling[0],
         ..RenderSettings::default()
@@ -183,10 +187,13 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
         stages.extend(its_stages);
     }
     if let Some(folder) = &args.output {
-        let Size([width, height]) = args.size;
+        let Size([width, height]) = args.size.unwrap_or(SIZE);
         let runs = args.runs.unwrap_or(RUNS);
-        let head =
-            format!("{}, {width}×{height} pixels, {} samples each, {runs} runs in turn.", report::machine(), args.spp);
+        let head = format!(
+            "{}, {width}×{height} pixels, {} samples each, {runs} runs in turn.",
+            machine(),
+            args.spp.unwrap_or(SPP)
+        );
         let files = [
             ("wavefront.csv", csv(rows.iter().map(Row::json))),
             ("wavefront-stages.csv", csv(stages.iter().map(StageRow::json))),
@@ -228,7 +235,7 @@ fn measure(
     let threads = variants.first().map_or(1, |first| first.settings.threads);
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| CliError::Usage(format!("cannot start {threads} threads: {error}")))?;
-    let Size([width, height]) = args.size;
+    let Size([width, height]) = args.size.unwrap_or(SIZE);
     let reference = ReferenceSettings {
         width: width.div_ceil(2),
         height: height.div_ceil(2),

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The tables of a comparison, from its rows.
 
-    python report.py DIR        writes DIR/peers.md again from DIR/peers.json
+    python report.py DIR            writes DIR's tables again from its peers.json
+    python report.py DIR PART…      writes them from those of several runs of some scenes each
 """
 
 import csv
@@ -194,8 +195,11 @@ def write(results, folder):
 
 
 def main():
-    folder = Path(sys.argv[1])
-    write(json.loads((folder / "peers.json").read_text()), folder)
+    folder, *parts = map(Path, sys.argv[1:])
+    found = [json.loads((part / "peers.json").read_text()) for part in parts or [folder]]
+    results = found[0] | {"scenes": [result for one in found for result in one["scenes"]]}
+    folder.mkdir(parents=True, exist_ok=True)
+    write(results, folder)
 
 
 if __name__ == "__main__":

@@ -64,6 +64,8 @@ import numpy as np
 mi.set_variant("scalar_rgb")
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "benches/peers"))
+from gltf import Document, emission, finer_environment, unscaled, write_ply  # noqa: E402
 # Not part of the repository; the scene that wants it is left out if it is not there.
 SKY_ASSET = ROOT / "../shared/assets/_hdr/venice_sunset_1k.hdr"
 
@@ -240,81 +242,11 @@ def looking(position, towards):
     return [float(x) for column in (right, up, back) for x in (*column, 0.0)] + [float(x) for x in position] + [1.0]
 
 
-# Reading glTF, as far as the scenes go.
-
-
-def local_matrix(node):
-    if "matrix" in node:
-        return np.array(node["matrix"], float).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * np.array(node.get("scale", (1.0, 1.0, 1.0)))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
-
-
-class Document:
-    """A glTF document that can be asked for what it means."""
-
-    def __init__(self, doc):
-        self.doc = doc
-        prefix = "data:application/octet-stream;base64,"
-        assert all(b["uri"].startswith(prefix) for b in doc["buffers"]), "buffers are inside the file"
-        self.buffers = [base64.b64decode(b["uri"][len(prefix) :]) for b in doc["buffers"]]
-
-    def view(self, index):
-        view = self.doc["bufferViews"][index]
-        assert "byteStride" not in view, "no interleaved data"
-        start = view.get("byteOffset", 0)
-        return self.buffers[view["buffer"]][start : start + view["byteLength"]]
-
-    def accessor(self, index):
-        accessor = self.doc["accessors"][index]
-        assert not accessor.get("normalized") and "sparse" not in accessor, "plain accessors"
-        kind = {5123: np.uint16, 5125: np.uint32, 5126: np.float32}[accessor["componentType"]]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
-        count = accessor["count"] * width
-        return np.frombuffer(self.view(accessor["bufferView"]), kind, count, accessor.get("byteOffset", 0)).reshape(
-            -1, width
-        )
-
-    def nodes(self):
-        """All nodes of the scene with their matrices."""
-        stack = [(index, np.eye(4)) for index in self.doc["scenes"][self.doc.get("scene", 0)]["nodes"]]
-        while stack:
-            index, above = stack.pop()
-            node = self.doc["nodes"][index]
-            world = above @ local_matrix(node)
-            stack += [(child, world) for child in node.get("children", [])]
-            yield node, world
-
-
 # Translating to Mitsuba.
 
 
 def rgb(values):
     return {"type": "rgb", "value": [float(x) for x in values]}
-
-
-def write_ply(path, positions, normals, uv, triangles):
-    columns, names = [positions], ["x", "y", "z"]
-    if normals is not None:
-        columns, names = columns + [normals], names + ["nx", "ny", "nz"]
-    if uv is not None:
-        columns, names = columns + [uv], names + ["u", "v"]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(positions)}"]
-    header += [f"property float {name}" for name in names]
-    header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header", ""]
-    faces = np.empty(len(triangles), [("count", "u1"), ("rows", "<i4", 3)])
-    faces["count"], faces["rows"] = 3, triangles
-    path.write_bytes("\n".join(header).encode() + np.hstack(columns).astype("<f4").tobytes() + faces.tobytes())
 
 
 def bsdf_of(document, material, folder):
@@ -361,43 +293,23 @@ def texture_of(document, index, folder):
     return {"type": "bitmap", "filename": str(path), "filter_type": "nearest" if nearest else "bilinear"}
 
 
-def world_positions(document, primitive, world):
-    return document.accessor(primitive["attributes"]["POSITION"]) @ world[:3, :3].T + world[:3, 3]
-
-
 def shape_of(document, primitive, world, path):
-    assert primitive.get("mode", 4) == 4
-    attributes = primitive["attributes"]
-    positions = world_positions(document, primitive, world)
-    triangles = document.accessor(primitive["indices"]).reshape(-1, 3)
-    # glTF: a mirroring transform turns front to back, which is undone, so that the front stays the front.
-    if np.linalg.det(world[:3, :3]) < 0.0:
-        triangles = triangles[:, ::-1]
-    normals, uv = None, None
-    if "NORMAL" in attributes:
-        normals = document.accessor(attributes["NORMAL"]) @ np.linalg.inv(world[:3, :3])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    if "TEXCOORD_0" in attributes:
+    positions, normals = document.positions(primitive, world), document.normals(primitive, world)
+    uv = None
+    if "TEXCOORD_0" in primitive["attributes"]:
         # Both count v downwards from the first row.
-        uv = document.accessor(attributes["TEXCOORD_0"])
+        uv = document.accessor(primitive["attributes"]["TEXCOORD_0"])
+    triangles = document.triangles(primitive, world)
     write_ply(path, positions, normals, uv, triangles)
     material = document.doc["materials"][primitive["material"]]
     bsdf, medium = bsdf_of(document, material, path.parent)
     shape = {"type": "ply", "filename": str(path), "face_normals": normals is None, "bsdf": bsdf}
     if medium is not None:
         shape["interior"] = medium
-    if "emissiveFactor" in material:
-        extension = material.get("extensions", {}).get("KHR_materials_emissive_strength", {})
-        strength = extension.get("emissiveStrength", 1.0)
-        shape["emitter"] = {"type": "area", "radiance": rgb(np.multiply(material["emissiveFactor"], strength))}
+    radiance = emission(material)
+    if radiance is not None:
+        shape["emitter"] = {"type": "area", "radiance": rgb(radiance)}
     return shape
-
-
-def unscaled(world):
-    axes = world[:3, :3] / np.linalg.norm(world[:3, :3], axis=0)
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = axes, world[:3, 3]
-    return matrix
 
 
 def light_of(light, world, points):
@@ -450,12 +362,7 @@ def environment_of(path, rotation_degrees):
     middles of texels; downwards, the first and last sample are the poles themselves.
     """
     texels = np.array(mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
-    height, width = texels.shape[:2]
-    finer = max(4096 // width, 2)
-    # A sample on the edge of two rows gets their mean, so that the ramp between them lies about the edge.
-    row = np.arange(height * finer + 1)
-    above, below = np.maximum(row - 1, 0) // finer, np.minimum(row // finer, height - 1)
-    fine = np.repeat(0.5 * (texels[above] + texels[below]), finer, axis=1)
+    fine = finer_environment(texels)
     turn = mi.ScalarTransform4f().rotate([0.0, 1.0, 0.0], 90.0 + rotation_degrees)
     return {"type": "envmap", "bitmap": mi.Bitmap(fine.astype(np.float32)), "to_world": turn}
 
@@ -469,7 +376,7 @@ def to_mitsuba(scene, folder, width, height):
             for primitive in document.doc["meshes"][node["mesh"]]["primitives"]:
                 name = f"shape-{len(parts)}"
                 parts[name] = shape_of(document, primitive, world, folder / f"{name}.ply")
-                points.append(world_positions(document, primitive, world))
+                points.append(document.positions(primitive, world))
                 media |= "interior" in parts[name]
         if "camera" in node:
             parts["sensor"] = sensor_of(document.doc["cameras"][node["camera"]], world, width, height)

@@ -57,20 +57,20 @@ pub fn scene() -> Document {
             .at(width - 0.08, 1.0, -0.02 + 0.065 * side)
             .with(Shape::block(vec3(width - 0.08, 1.0, -0.02 + 0.035 * side), vec3(0.018, 0.018, 0.05)))
     };
-    let turn = Quat::from_rotation_y(-28f32.to_radians());
+    let turn = Quat::from_rotation_y(-38f32.to_radians());
     let hinge = vec3(LEFT, 0.0, -Z - 0.03);
     scene.show_flat("door", &strip(leaf).placed(turn, hinge), paint);
     let brass = scene.material(Material::lambert("knob", [0.55, 0.42, 0.18]));
     scene.show_flat("knob", &strip(knob(1.0).with(knob(-1.0))).placed(turn, hinge), brass);
 
     furniture(&mut scene, plaster);
-    scene.camera("camera", 46.0, 1.0, Place::looking(vec3(-0.95, 1.5, 2.3), vec3(0.1, 0.95, -1.2)));
+    scene.camera("camera", 46.0, 1.0, Place::looking(vec3(-1.45, 1.5, 2.25), vec3(0.0, 0.95, -1.2)));
     scene
 }
 
 /// A table in the middle, with a jug, a bowl, a box and a ball on it.
 fn furniture(scene: &mut Document, white: MaterialId) {
-    let wood = scene.material(Material::lambert("wood", [0.44, 0.27, 0.14]));
+    let wood = scene.material(Material::lambert("wood", [0.52, 0.34, 0.19]));
     let (top, half) = (0.74, vec3(0.75, 0.0, 0.42));
     let mut table = Shape::cuboid(vec3(-half.x, top - 0.04, -half.z), vec3(half.x, top, half.z));
     for (x, z) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
@@ -78,14 +78,14 @@ fn furniture(scene: &mut Document, white: MaterialId) {
         table.append(&Shape::block(at, vec3(0.06, top - 0.03, 0.06)));
     }
     let spot = vec3(-0.1, 0.0, -0.75);
-    let mut put = |scene: &mut Document, name: &str, shape: Shape, degrees: f32, at: [f32; 3], material: MaterialId| {
+    let put = |scene: &mut Document, name: &str, shape: Shape, degrees: f32, at: [f32; 3], material: MaterialId| {
         let turned = strip(shape).placed(Quat::from_rotation_y(degrees.to_radians()), Vec3::from(at));
         scene.show_flat(name, &turned.placed(Quat::from_rotation_y(0.2), spot), material);
     };
     put(scene, "table", table, 0.0, [0.0; 3], wood);
-    let blue = scene.material(Material::lambert("blue glaze", [0.10, 0.20, 0.42]));
-    let red = scene.material(Material::lambert("red glaze", [0.52, 0.09, 0.06]));
-    let green = scene.material(Material::lambert("green", [0.18, 0.38, 0.15]));
+    let blue = scene.material(Material::lambert("blue glaze", [0.20, 0.34, 0.58]));
+    let red = scene.material(Material::lambert("red glaze", [0.62, 0.13, 0.09]));
+    let green = scene.material(Material::lambert("green", [0.26, 0.48, 0.22]));
     let jug = [
         [0.0, 0.0],
         [0.07, 0.0],

@@ -73,7 +73,7 @@ pub fn scene() -> Document {
     for (kind, face) in faces.iter().enumerate() {
         let name = format!("lamps {kind}");
         // From the dimmest to the brightest a hundredfold.
-        let nit = (1.2 * 100f64.powf(kind as f64 / (KINDS - 1) as f64) * 100.0).round() / 100.0;
+        let nit = (1.0 * 100f64.powf(kind as f64 / (KINDS - 1) as f64) * 100.0).round() / 100.0;
         let glow = scene.material(Material::emitter(&name, tints[kind % tints.len()], nit));
         scene.show_flat(&name, face, glow);
     }

@@ -185,7 +185,9 @@ pub fn scene() -> Document {
     let wanted = [TREES, FERNS, ROCKS];
     for (kind, count) in wanted.into_iter().enumerate() {
         while groups[kind].len() < count {
-            let p = vec2(draws.between(-0.49, 0.49), draws.between(-0.49, 0.49)) * SIZE;
+            // What is small stands in front.
+            let far = [-0.49, -0.25, -0.4][kind];
+            let p = vec2(draws.between(-0.49, 0.49), draws.between(far, 0.49)) * SIZE;
             // Only what the camera may see.
             if p.x.abs() > 5.0 + 0.42 * (38.0 - p.y) {
                 continue;

@@ -11,7 +11,7 @@ use super::{
 /// Diffuse and glossy things; all light is that of `sky.hdr`.
 pub fn scene() -> Document {
     let mut scene = Document::default();
-    let ground = scene.material(Material::lambert("ground", [0.42, 0.39, 0.34]));
+    let ground = scene.material(Material::lambert("ground", [0.47, 0.41, 0.32]));
     scene.show_flat("ground", &Shape::quad(vec3(-200.0, 0.0, 200.0), Vec3::X * 400.0, Vec3::NEG_Z * 400.0), ground);
     let mut lambert = |name: &str, color: Color| scene.material(Material::lambert(name, color));
     let [chalk, terracotta, ochre, teal] = [
@@ -47,6 +47,6 @@ pub fn scene() -> Document {
     scene.show_flat("cone", &Shape::frustum(0.42, 0.0, 1.0, 96).at(-0.95, 0.0, -2.0), ochre);
     let hoop = Shape::torus(0.42, 0.11, 96, 40).placed(Quat::from_rotation_x(1.35), vec3(2.28, 1.62, -0.72));
     scene.show_flat("hoop", &hoop, matt);
-    scene.camera("camera", 34.0, 1.0, Place::looking(vec3(0.6, 2.6, 8.6), vec3(0.1, 0.95, 0.0)));
+    scene.camera("camera", 36.0, 1.0, Place::looking(vec3(0.7, 2.6, 8.6), vec3(0.25, 0.9, 0.0)));
     scene
 }

@@ -28,11 +28,12 @@ pub fn sun() -> Vec3 {
 
 /// Bright and pale at the horizon and around the sun, blue above; the ground below.
 fn gradient(d: Vec3) -> Vec3 {
-    if d.y < 0.0 {
-        return vec3(0.36, 0.40, 0.42);
-    }
     let zenith = vec3(0.17, 0.36, 0.82);
-    let horizon = vec3(0.64, 0.86, 1.12);
+    let horizon = vec3(0.70, 0.88, 1.08);
+    if d.y < 0.0 {
+        // The haze goes on for a little where a ground ends.
+        return horizon.lerp(vec3(0.40, 0.38, 0.34), (-20.0 * d.y).min(1.0));
+    }
     let haze = (-4.0 * d.y).exp();
     let glow = d.dot(sun()).max(0.0);
     zenith.lerp(horizon, haze) + vec3(1.0, 0.85, 0.62) * (0.9 * glow.powi(60) + 0.25 * glow.powi(6))
@@ -54,7 +55,7 @@ pub fn file() -> Vec<u8> {
         .sum();
     texels.iter_mut().for_each(|c| *c *= SKY_LUX / lux);
     let rows = SUN[1]..SUN[1] + SUN_TEXELS;
-    let tint = vec3(1.0, 0.90, 0.74);
+    let tint = vec3(1.0, 0.87, 0.66);
     let weight: f32 = rows.clone().map(|row| level(row) * SUN_TEXELS as f32).sum();
     let disc = tint * SUN_SHARE * SKY_LUX / (weight * luminance(tint));
     for row in rows {

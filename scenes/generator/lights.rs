@@ -15,6 +15,7 @@ const HEIGHT: f32 = 2.8;
 const LAMPS: usize = 2000;
 /// Lamps of one radiance and tint share a mesh and a material.
 const KINDS: usize = 20;
+const STRINGS: usize = 17;
 
 /// A lamp: a box, dark but for the square at its top (+Y); half a side long, and as deep.
 fn lamp(half: f32, rotation: Quat, at: Vec3) -> (Shape, Shape) {
@@ -34,11 +35,11 @@ fn spot(draws: &mut Draws, i: usize) -> (Vec3, Vec3) {
     match i % 10 {
         // Strings from wall to wall, lamps turned at random.
         0..=5 => {
-            let line = (i / 10) % 12;
+            let line = (i / 10) % STRINGS;
             let t = within(0.97);
-            let (from, to) = (vec3(-X, 2.45, -2.2 + 0.36 * line as f32), vec3(X, 2.6, -2.35 + 0.38 * line as f32));
+            let (from, to) = (vec3(-X, 2.45, -2.2 + 0.25 * line as f32), vec3(X, 2.6, -2.35 + 0.26 * line as f32));
             let hang = 0.12 + 0.05 * ((line * 7) % 5) as f32;
-            let at = from.lerp(to, 0.5 + 0.5 * t) - Vec3::Y * hang * (1.0 - t * t);
+            let at = from.lerp(to, 0.5 + 0.5 * t) - Vec3::Y * (hang * (1.0 - t * t) + 0.05 + within(0.05));
             let d = vec3(within(1.0), within(1.0) - 0.35, within(1.0));
             (at, d.normalize())
         }
@@ -59,10 +60,18 @@ pub fn scene() -> Document {
     let mut draws = Draws::new(19);
     let mut faces = vec![Shape::default(); KINDS];
     let mut casings = Shape::default();
+    let mut placed = Vec::new();
     for i in 0..LAMPS {
-        let (at, towards) = spot(&mut draws, i);
         // Few are large.
         let half = 0.006 * 3.2f32.powf(draws.between(0.0, 1.0).powi(2));
+        // None shines into another.
+        let (at, towards) = loop {
+            let (at, towards) = spot(&mut draws, i);
+            if placed.iter().all(|&(other, size): &(Vec3, f32)| at.distance(other) > 2.0 * (half + size)) {
+                break (at, towards);
+            }
+        };
+        placed.push((at, half));
         let lean = Quat::from_rotation_arc(Vec3::Y, towards) * Quat::from_rotation_y(draws.between(0.0, 1.5));
         let (face, casing) = lamp(half, lean, at);
         faces[(draws.between(0.0, 1.0) * KINDS as f32) as usize].append(&face);

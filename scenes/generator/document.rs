@@ -42,21 +42,24 @@ impl ShapeId {
         let attributes = shape.attributes.as_object_mut().expect("attributes are an object");
         attributes.retain(|key, _| match key.as_str() {
             "TANGENT" => wanted == Attributes::Bumpy,
-            "TEXCOORD_0" => wanted != Attributes::Plain,
+            "TEXCOORD_0" => matches!(wanted, Attributes::Textured | Attributes::Bumpy),
+            "NORMAL" => wanted != Attributes::Flat,
             _ => true,
         });
         shape
     }
 }
 
-/// Which attributes besides positions and normals a shape needs.
+/// Which attributes besides positions a shape needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Attributes {
-    /// None.
+    /// None, so that every triangle is flat.
+    Flat,
+    /// Normals.
     Plain,
-    /// Texture coordinates.
+    /// Normals and texture coordinates.
     Textured,
-    /// Texture coordinates and tangents.
+    /// Normals, texture coordinates and tangents.
     Bumpy,
 }
 
@@ -165,12 +168,14 @@ impl Document {
         self.accessors[position]["min"] = json!(exact(low));
         self.accessors[position]["max"] = json!(exact(high));
         let mut attributes = json!({"POSITION": position});
-        attributes["NORMAL"] = json!(self.attribute(&floats(&shape.normals), "VEC3", 3));
+        if wanted != Attributes::Flat {
+            attributes["NORMAL"] = json!(self.attribute(&floats(&shape.normals), "VEC3", 3));
+        }
         if wanted == Attributes::Bumpy {
             let tangents: Vec<f32> = shape.tangents.iter().flat_map(|t| [t.x, t.y, t.z, 1.0]).collect();
             attributes["TANGENT"] = json!(self.attribute(&tangents, "VEC4", 4));
         }
-        if wanted != Attributes::Plain {
+        if matches!(wanted, Attributes::Textured | Attributes::Bumpy) {
             let uvs: Vec<f32> = shape.uvs.iter().flat_map(|uv| uv.to_array()).collect();
             attributes["TEXCOORD_0"] = json!(self.attribute(&uvs, "VEC2", 2));
         }
@@ -223,7 +228,12 @@ impl Document {
         self.show_with(name, shape, Attributes::Plain, material)
     }
 
-    /// Shows a shape once, with more attributes.
+    /// Shows a shape of flat triangles once.
+    pub fn show_flat(&mut self, name: &str, shape: &Shape, material: MaterialId) -> NodeId {
+        self.show_with(name, shape, Attributes::Flat, material)
+    }
+
+    /// Shows a shape once, with other attributes.
     pub fn show_with(&mut self, name: &str, shape: &Shape, wanted: Attributes, material: MaterialId) -> NodeId {
         let shape = self.shape(shape, wanted);
         let mesh = self.mesh(name, &[(&shape, material)]);

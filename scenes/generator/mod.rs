@@ -1,19 +1,26 @@
-//! The scenes as code: each module gives one [`Document`](document::Document), [`files`] their bytes.
+//! The scenes as code: each module gives one [`Document`](document::Document) or a sky, [`files`] their bytes.
 //!
-//! The bytes depend on this code, the locked version of the PNG encoder and the last bits of the
+//! The bytes depend on this code, the locked versions of the encoders of PNG and HDR and the last bits of the
 //! platform's sines and powers. Randomness is a hash of a counter.
 
 mod alpha;
+mod caustic;
 mod cornell;
 mod document;
+mod door;
 mod emitters;
 mod gallery;
 mod images;
 mod instances;
+mod lights;
 mod material;
+mod million;
 mod noise;
+mod outdoor;
+mod plates;
 mod punctual;
 mod shape;
+mod sky;
 mod window;
 
 use document::Document;
@@ -26,6 +33,15 @@ pub struct File {
     pub bytes: Vec<u8>,
     /// Its size in words, for people.
     pub counts: String,
+    /// What `--env` has to say for a scene whose light is not in the file.
+    pub env: Option<&'static str>,
+}
+
+impl File {
+    /// Whether it can be rendered, rather than be the sky of one that can.
+    pub fn is_scene(&self) -> bool {
+        !self.name.ends_with(".hdr")
+    }
 }
 
 /// All scenes of the folder.
@@ -33,8 +49,9 @@ pub fn files() -> Vec<File> {
     let file = |name: &'static str, scene: Document| {
         let counts = scene.counts();
         let bytes = if name.ends_with(".glb") { scene.into_glb() } else { scene.into_gltf() };
-        File { name, bytes, counts }
+        File { name, bytes, counts, env: None }
     };
+    let under = |env: &'static str, file: File| File { env: Some(env), ..file };
     vec![
         file("cornell.gltf", cornell::scene()),
         file("gallery.glb", gallery::scene()),
@@ -43,5 +60,12 @@ pub fn files() -> Vec<File> {
         file("instances.glb", instances::scene()),
         file("emitters.gltf", emitters::scene()),
         file("alpha.gltf", alpha::scene()),
+        file("plates.gltf", plates::scene()),
+        file("caustic.glb", caustic::scene()),
+        file("lights.glb", lights::scene()),
+        under("sky.hdr", file("outdoor.gltf", outdoor::scene())),
+        file("door.gltf", door::scene()),
+        under("0.6,0.8,1", file("million.glb", million::scene())),
+        File { name: "sky.hdr", bytes: sky::file(), counts: String::from("512 × 256 texels"), env: None },
     ]
 }

@@ -32,6 +32,22 @@ impl Shape {
         }
     }
 
+    /// What an outer parallelogram has around an inner one in its plane, each given as a [`quad`](Self::quad).
+    pub fn frame(outer: &Self, inner: &Self) -> Self {
+        let positions = outer.positions.iter().chain(&inner.positions).copied().collect();
+        let triangles = (0..4u32).flat_map(|i| {
+            let j = (i + 1) % 4;
+            [[i, j, j + 4], [i, j + 4, i + 4]]
+        });
+        Self { positions, triangles: triangles.collect(), normals: vec![outer.normals[0]; 8], ..Self::default() }
+    }
+
+    /// m².
+    pub fn area(&self) -> f64 {
+        let corners = |triangle: &[u32; 3]| triangle.map(|i| self.positions[i as usize].as_dvec3());
+        self.triangles.iter().map(corners).map(|[p, q, r]| (q - p).cross(r - p).length() / 2.0).sum()
+    }
+
     /// A box whose six faces look outwards; textures cover a metre per unit.
     pub fn cuboid(min: Vec3, max: Vec3) -> Self {
         let d = max - min;

@@ -7,12 +7,18 @@ use wavecast::render::{AccelKind, Quality, RenderSettings, Renderer};
 use crate::common::{load_scene, root, settings};
 
 /// Scenes of `scenes/`, with the height of a picture that brute force renders in a second or so.
-const SCENES: [(&str, u32); 7] = [
+const SCENES: [(&str, u32); 13] = [
     ("alpha.gltf", 6),
+    ("caustic.glb", 4),
     ("cornell.gltf", 24),
+    ("door.gltf", 8),
     ("emitters.gltf", 4),
     ("gallery.glb", 2),
     ("instances.glb", 2),
+    ("lights.glb", 4),
+    ("million.glb", 2),
+    ("outdoor.gltf", 2),
+    ("plates.gltf", 8),
     ("punctual.gltf", 4),
     ("window.gltf", 4),
 ];

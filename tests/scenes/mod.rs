@@ -1,6 +1,11 @@
 //! The scenes shipped in `scenes/` are those that their generator writes, and make pictures.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, sync::Arc};
+
+use wavecast::{
+    load,
+    world::{Environment, Sky},
+};
 
 use crate::common::{load_scene, mean, picture, root, settings};
 
@@ -39,18 +44,32 @@ fn every_scene_file_is_described_and_generated() {
     let generated: Vec<&str> = generator::files().iter().map(|file| file.name).collect();
     for entry in fs::read_dir(folder).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        if name.ends_with(".gltf") || name.ends_with(".glb") {
+        if [".gltf", ".glb", ".hdr"].iter().any(|end| name.ends_with(end)) {
             assert!(readme.contains(&format!("`{name}`")), "{name} has no line in scenes/README.md");
             assert!(generated.contains(&name.as_str()), "{name} has no generator");
         }
     }
 }
 
+/// What `--env` makes of a word.
+fn environment(env: &str) -> Environment {
+    if env.ends_with(".hdr") {
+        let (map, warnings) = load::load_environment(&root().join("scenes").join(env)).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        return Environment { sky: Sky::Map(Arc::new(map)), rotation_degrees: 0.0, scale: 1.0 };
+    }
+    let numbers: Vec<f32> = env.split(',').map(|number| number.parse().unwrap()).collect();
+    Environment::constant(glam::Vec3::from_slice(&numbers))
+}
+
 /// Exposed for a PNG without correction, so the mean lies between a hundredth of a nit and one.
 #[test]
 fn every_scene_makes_a_picture_that_needs_no_exposure() {
-    for file in generator::files() {
+    for file in generator::files().iter().filter(|file| file.is_scene()) {
         let mut scene = load_scene(&root().join("scenes").join(file.name));
+        if let Some(env) = file.env {
+            scene.spawn((environment(env),));
+        }
         let rendered = picture(&mut scene, &settings(24, 8));
         let pixels = &rendered.picture.rgb;
         assert!(pixels.iter().flatten().all(|light| light.is_finite() && *light >= 0.0), "{}", file.name);

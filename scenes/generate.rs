@@ -10,7 +10,8 @@ fn main() -> io::Result<()> {
     fs::create_dir_all(&folder)?;
     for file in generator::files() {
         fs::write(folder.join(file.name), &file.bytes)?;
-        println!("{:<16}{:>9} bytes  {}", file.name, file.bytes.len(), file.counts);
+        let env = file.env.map_or(String::new(), |env| format!(", needs --env {env}"));
+        println!("{:<16}{:>9} bytes  {}{env}", file.name, file.bytes.len(), file.counts);
     }
     Ok(())
 }

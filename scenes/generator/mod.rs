@@ -37,13 +37,6 @@ pub struct File {
     pub env: Option<&'static str>,
 }
 
-impl File {
-    /// Whether it can be rendered, rather than be the sky of one that can.
-    pub fn is_scene(&self) -> bool {
-        !self.name.ends_with(".hdr")
-    }
-}
-
 /// All scenes of the folder.
 pub fn files() -> Vec<File> {
     let file = |name: &'static str, scene: Document| {

@@ -57,7 +57,7 @@ fn directions_are_uniform_in_the_solid_angle() {
             continue;
         }
         checked += 1;
-        let mut counts = vec![0_u64; 16];
+        let mut counts = [0_u64; 16];
         const N: u32 = 40_000;
         for _ in 0..N {
             let u = (random() as f32, random() as f32);

@@ -9,7 +9,6 @@ See README.md for what is measured and how.
 """
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
@@ -36,9 +35,8 @@ STEP = 4
 # Pictures that a reference is made of; their spread is its noise.
 PARTS = 4
 REFERENCE_SEED = 1000
-# The error of the table's first choice; what two renderers' pictures may add to it and still serve as reference to
-# each other.
-TARGET, HARMLESS = 0.01, 0.05 * 0.01
+# What two renderers' pictures may add to each other's relMSE and still serve as reference to each other.
+HARMLESS = 0.05 * report.TARGET
 # Share of the processors that others may have while a render is timed.
 QUIET = 0.05
 
@@ -206,12 +204,17 @@ def run_scene(scene, renderers, options):
     restless = [row for row in rows if row["rung"] == measured[row["renderer"]].rungs[-1] and row["disturbed"] > QUIET]
     if restless:
         worst = max(row["disturbed"] for row in restless)
-        notes.append(f"**the machine was not quiet**: others had up to {100 * worst:.0f} % of it in {len(restless)} of the longest renders")
+        share = f"up to {100 * worst:.0f} % of it in {len(restless)} of the longest renders"
+        notes.append(f"**the machine was not quiet**: others had {share}")
     entries = {}
     for name, entry in measured.items():
         reference, source = chosen[name]
         entries[name] = {"build_seconds": entry.build, "compile_seconds": entry.compiled, "rungs": entry.rungs}
-        entries[name] |= {"reference": source, "reference_noise": reference.noise(), "mean": float(pooled(*entry.long()).picture.mean())}
+        entries[name] |= {
+            "reference": source,
+            "reference_noise": reference.noise(),
+            "mean": float(pooled(*entry.long()).picture.mean()),
+        }
     report.save_pictures(options.out, scene.name, {n: pooled(*m.long()).picture for n, m in measured.items()})
     result = {"scene": scene.name, "renderers": entries, "absent": absent, "notes": notes}
     result["agreement"] = {f"{a} / {b}": vars(found) for (a, b), found in agreements.items()}

@@ -9,7 +9,6 @@ See README.md for what is measured and how.
 """
 
 import argparse
-import os
 import sys
 import time
 from pathlib import Path
@@ -36,9 +35,10 @@ STEP = 4
 # Pictures that a reference is made of; their spread is its noise.
 PARTS = 4
 REFERENCE_SEED = 1000
-# The error of the table's first choice; what two renderers' pictures may add to it and still serve as reference to
-# each other.
-TARGET, HARMLESS = 0.01, 0.05 * 0.01
+# What two renderers' pictures may add to each other's relMSE and still serve as reference to each other.
+HARMLESS = 0.05 * report.TARGET
+# The same as a share of their own noise.
+DROWNED = 0.1
 # Share of the processors that others may have while a render is timed.
 QUIET = 0.05
 
@@ -159,23 +159,23 @@ def measure(scene, renderers, options):
 
 def references(measured):
     """For each renderer the reference it is judged by, and what to say about it."""
-    chosen, notes = {}, []
-    agreements = {}
+    pools = {name: pooled(*entry.long()) for name, entry in measured.items()}
+    agreements, different, notes = {}, set(), []
     names = list(measured)
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
-            if measured[a].renderer.family != measured[b].renderer.family:
-                found = agreement(*measured[a].long(), *measured[b].long())
-                agreements[a, b] = found
-                if found.differs(HARMLESS):
-                    notes.append(
-                        f"**{a} and {b} show different pictures**: beyond noise they are a relMSE of "
-                        f"{found.cells:.1e} ± {found.cells_error:.0e} apart, blocks {100 * found.systematic:.2f} %"
-                    )
-    pools = {name: pooled(*entry.long()) for name, entry in measured.items()}
+            if measured[a].renderer.family == measured[b].renderer.family:
+                continue
+            found = agreements[a, b] = agreement(*measured[a].long(), *measured[b].long())
+            # What drowns in the noise of the pictures is harmless as well.
+            if found.differs(max(HARMLESS, DROWNED * (pools[a].noise() + pools[b].noise()))):
+                different |= {(a, b), (b, a)}
+                apart = f"{found.cells:.1e} ± {found.cells_error:.0e} apart, blocks {100 * found.systematic:.2f} %"
+                notes.append(f"**{a} and {b} show different pictures**: beyond noise they are a relMSE of {apart}")
+    chosen = {}
     for name, entry in measured.items():
         others = [n for n in names if measured[n].renderer.family != entry.renderer.family]
-        agreeing = [n for n in others if not (agreements.get((name, n)) or agreements[n, name]).differs(HARMLESS)]
+        agreeing = [n for n in others if (name, n) not in different]
         if agreeing:
             chosen[name] = combined([pools[n] for n in agreeing]), " + ".join(agreeing)
         else:
@@ -184,13 +184,13 @@ def references(measured):
     return chosen, agreements, notes
 
 
-def rows_of(scene, measured, chosen):
+def rows_of(scene, measured, chosen, scale):
     rows = []
     for name, entry in measured.items():
         reference: Reference = chosen[name][0]
         for rung, rendered in zip(entry.rungs, entry.rendered):
             for seed, r in enumerate(rendered, 1):
-                plain, trimmed = relmse(r.picture, reference)
+                plain, trimmed = relmse(r.picture, reference, scale)
                 row = {"scene": scene.name, "renderer": name, "seed": seed, "spp": r.spp, "rung": rung}
                 row |= {"seconds": r.seconds, "relmse": plain, "relmse_trimmed": trimmed}
                 row |= {"mpaths_per_second": r.spp * scene.size**2 / r.seconds / 1e6, "disturbed": r.disturbed}
@@ -202,16 +202,28 @@ def run_scene(scene, renderers, options):
     note(f"{scene.name}")
     measured, absent = measure(scene, renderers, options)
     chosen, agreements, notes = references(measured)
-    rows = rows_of(scene, measured, chosen)
+    # What errors are relative to is the best picture of all; they are taken from others' pictures only.
+    scale = combined([pooled(*entry.long()) for entry in measured.values()]).scale()
+    rows = rows_of(scene, measured, chosen, scale)
     restless = [row for row in rows if row["rung"] == measured[row["renderer"]].rungs[-1] and row["disturbed"] > QUIET]
     if restless:
         worst = max(row["disturbed"] for row in restless)
-        notes.append(f"**the machine was not quiet**: others had up to {100 * worst:.0f} % of it in {len(restless)} of the longest renders")
+        share = f"up to {100 * worst:.0f} % of it in {len(restless)} of the longest renders"
+        notes.append(f"**the machine was not quiet**: others had {share}")
+    rough = max(reference.noise(scale) for reference, _ in chosen.values())
+    if rough > report.TARGET:
+        notes.append(
+            f"**references are not converged**: their own relMSE is up to {rough:.2g}; --reference takes longer"
+        )
     entries = {}
     for name, entry in measured.items():
         reference, source = chosen[name]
         entries[name] = {"build_seconds": entry.build, "compile_seconds": entry.compiled, "rungs": entry.rungs}
-        entries[name] |= {"reference": source, "reference_noise": reference.noise(), "mean": float(pooled(*entry.long()).picture.mean())}
+        entries[name] |= {
+            "reference": source,
+            "reference_noise": reference.noise(scale),
+            "mean": float(pooled(*entry.long()).picture.mean()),
+        }
     report.save_pictures(options.out, scene.name, {n: pooled(*m.long()).picture for n, m in measured.items()})
     result = {"scene": scene.name, "renderers": entries, "absent": absent, "notes": notes}
     result["agreement"] = {f"{a} / {b}": vars(found) for (a, b), found in agreements.items()}

@@ -24,9 +24,9 @@ class Reference:
         """What squared errors are divided by."""
         return self.picture**2 + FLOOR * self.picture.mean() ** 2
 
-    def noise(self):
+    def noise(self, scale=None):
         """Its own relMSE, trimmed."""
-        return trimmed_mean((self.variance / self.scale()).mean(2))
+        return trimmed_mean((self.variance / (self.scale() if scale is None else scale)).mean(2))
 
 
 def trimmed_mean(values):
@@ -51,9 +51,12 @@ def combined(references):
     return Reference(picture, sum(w * w * r.variance for w, r in zip(weights, references)))
 
 
-def relmse(picture, reference):
-    """relMSE, plain and without the worst pixels, with what is due to the reference's noise taken off."""
-    scale = reference.scale()
+def relmse(picture, reference, scale):
+    """relMSE, plain and without the worst pixels, with what is due to the reference's noise taken off.
+
+    `scale` is the same for all that are compared, also where their references differ: noise in a dark reference would
+    change what errors count as.
+    """
     raw = ((picture - reference.picture) ** 2 / scale).mean(2).ravel()
     due = (reference.variance / scale).mean(2).ravel()
     order = np.argsort(raw)

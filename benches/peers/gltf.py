@@ -166,6 +166,9 @@ def write_ply(path, positions, normals, uv, triangles):
 
 # Scenes for all renderers.
 
+# Most scatterings along a path.
+MAX_DEPTH = 64
+
 
 @dataclass(frozen=True)
 class Material:

@@ -12,10 +12,11 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
+from gltf import MAX_DEPTH
+
 mi.set_variant("scalar_rgb")
 
 HERE = Path(__file__).resolve().parent
-MAX_DEPTH = 64
 # By name: the module, its options, and whose pictures are no independent witness.
 PEERS = {
     "mitsuba": ("with_mitsuba", {}, "mitsuba"),

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The tables of a comparison, from its rows.
 
-    python report.py DIR            writes DIR's tables again from its peers.json
-    python report.py DIR PART…      writes them from those of several runs of some scenes each
+python report.py DIR            writes DIR's tables again from its peers.json
+python report.py DIR PART…      writes them from those of several runs of some scenes each
 """
 
 import csv
@@ -18,6 +18,7 @@ import numpy as np
 
 from errors import log_mean, ratio_of, span, time_to
 
+# The relMSE that is wanted of a picture.
 TARGET = 0.01
 OURS = "wavecast"
 STATISTICS = {"relmse_trimmed": "trimmed", "relmse": "plain"}
@@ -25,8 +26,13 @@ COLUMNS = ["scene", "renderer", "seed", "spp", "seconds", "relmse", "relmse_trim
 
 
 def settings(options, renderers):
-    cpu = [line.split(":", 1)[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line]
-    made = {"date": time.strftime("%Y-%m-%d"), "cpu": f"{cpu[0] if cpu else platform.processor()}, {os.cpu_count()} threads"}
+    cpu = [
+        line.split(":", 1)[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line
+    ]
+    made = {
+        "date": time.strftime("%Y-%m-%d"),
+        "cpu": f"{cpu[0] if cpu else platform.processor()}, {os.cpu_count()} threads",
+    }
     made |= {"threads": options.threads, "size": options.size, "budget_seconds": options.budget, "seeds": options.seeds}
     made |= {"reference_seconds": options.reference, "wavecast_options": options.wavecast_option}
     return made | {"versions": {renderer.name: renderer.version for renderer in renderers}}
@@ -83,7 +89,9 @@ def duel(curves, peer):
 
 def duels(result, statistic):
     curves = curves_of(result, statistic)
-    return {peer: duel(curves, peer) for peer in result["renderers"] if peer != OURS and OURS in curves and peer in curves}
+    return {
+        peer: duel(curves, peer) for peer in result["renderers"] if peer != OURS and OURS in curves and peer in curves
+    }
 
 
 def top_rows(result, name):
@@ -135,8 +143,32 @@ def scene_tables(result):
         paths = mean_of(top, lambda r: r["mpaths_per_second"])
         products = [mean_of(top, lambda r: r[key] * r["spp"]) for key in STATISTICS]
         built = three(entry["build_seconds"]) + " + " + three(entry["compile_seconds"])
-        rows.append([name, built, round(spp), three(seconds), *map(three, errors), three(paths), *map(three, products), entry["reference"], three(entry["reference_noise"])])
-    heads = ["renderer", "build + compile, s", "spp", "seconds", "relMSE trimmed", "plain", "Mpaths/s", "relMSE × spp trimmed", "plain", "judged by", "whose relMSE"]
+        rows.append(
+            [
+                name,
+                built,
+                round(spp),
+                three(seconds),
+                *map(three, errors),
+                three(paths),
+                *map(three, products),
+                entry["reference"],
+                three(entry["reference_noise"]),
+            ]
+        )
+    heads = [
+        "renderer",
+        "build + compile, s",
+        "spp",
+        "seconds",
+        "relMSE trimmed",
+        "plain",
+        "Mpaths/s",
+        "relMSE × spp trimmed",
+        "plain",
+        "judged by",
+        "whose relMSE",
+    ]
     parts = [f"### {result['scene']}", table(heads, rows)]
     rows = []
     for peer in trimmed:
@@ -144,12 +176,35 @@ def scene_tables(result):
             if d is None:
                 rows.append([peer, label, "–", "–", "–", "no error that both pass through"])
             else:
-                rows.append([peer, label, three(d["target"]), three(d["theirs"]), three(d["ours"]), interval(d["ratio"])])
+                rows.append(
+                    [peer, label, three(d["target"]), three(d["theirs"]), three(d["ours"]), interval(d["ratio"])]
+                )
     parts.append(table(["peer", "relMSE", "to reach", "its seconds", "wavecast's", "times as long"], rows))
     rows = []
     for pair, a in result["agreement"].items():
-        rows.append([pair, f"{a['ratio']:.5f} ± {a['ratio_error']:.5f}", f"{100 * a['noise']:.3f} %", f"{100 * a['systematic']:+.3f} %", f"{100 * a['upper']:.3f} %", f"{a['cells']:.1e} ± {a['cells_error']:.0e}"])
-    parts.append(table(["pictures of", "ratio of means", "joint noise of blocks", "apart beyond it", "at most (95 %)", "cells of 4 × 4 pixels apart, relMSE"], rows))
+        rows.append(
+            [
+                pair,
+                f"{a['ratio']:.5f} ± {a['ratio_error']:.5f}",
+                f"{100 * a['noise']:.3f} %",
+                f"{100 * a['systematic']:+.3f} %",
+                f"{100 * a['upper']:.3f} %",
+                f"{a['cells']:.1e} ± {a['cells_error']:.0e}",
+            ]
+        )
+    parts.append(
+        table(
+            [
+                "pictures of",
+                "ratio of means",
+                "joint noise of blocks",
+                "apart beyond it",
+                "at most (95 %)",
+                "cells of 4 × 4 pixels apart, relMSE",
+            ],
+            rows,
+        )
+    )
     parts += [f"- {name} is left out: {why}" for name, why in result["absent"].items()]
     parts += [f"- {text}" for text in result["notes"]]
     return "\n\n".join(parts)
@@ -166,20 +221,47 @@ def summary(results):
                 continue
             ratios.append(d["ratio"][0])
             speeds = [mean_of(top_rows(result, n), lambda r: r["mpaths_per_second"]) for n in (name, OURS)]
-            mitsuba = mean_of(top_rows(result, "mitsuba"), lambda r: r["mpaths_per_second"]) if "mitsuba" in result["renderers"] else None
-            rows.append([result["scene"], name, three(d["target"]), three(d["theirs"]), three(d["ours"]), interval(d["ratio"]), three(speeds[1]), three(speeds[1] / mitsuba) if mitsuba else "–"])
-        heads = ["scene", "fastest peer", f"relMSE ({label})", "its seconds", "wavecast's", "times as long", "wavecast's Mpaths/s", "over Mitsuba's"]
+            mitsuba = (
+                mean_of(top_rows(result, "mitsuba"), lambda r: r["mpaths_per_second"])
+                if "mitsuba" in result["renderers"]
+                else None
+            )
+            rows.append(
+                [
+                    result["scene"],
+                    name,
+                    three(d["target"]),
+                    three(d["theirs"]),
+                    three(d["ours"]),
+                    interval(d["ratio"]),
+                    three(speeds[1]),
+                    three(speeds[1] / mitsuba) if mitsuba else "–",
+                ]
+            )
+        heads = [
+            "scene",
+            "fastest peer",
+            f"relMSE ({label})",
+            "its seconds",
+            "wavecast's",
+            "times as long",
+            "wavecast's Mpaths/s",
+            "over Mitsuba's",
+        ]
         parts.append(table(heads, rows))
         if ratios:
-            parts.append(f"Geometric mean of the ratios, {label}: {three(log_mean(ratios)[0])}; the least is {three(min(ratios))}.")
+            mean, least = three(log_mean(ratios)[0]), three(min(ratios))
+            parts.append(f"Geometric mean of the ratios, {label}: {mean}; the least is {least}.")
     return "\n\n".join(parts)
 
 
 def markdown(results):
     s = results["settings"]
     versions = ", ".join(f"{name} {version.removeprefix(name).strip()}" for name, version in s["versions"].items())
-    head = f"{s['date']}; {s['cpu']}, {s['threads']} used; {s['size']} × {s['size']}, budgets up to {s['budget_seconds']:g} s, {s['seeds']} seeds. {versions}."
-    return "\n\n".join([f"# Times to equal error\n\n{head}", summary(results), *map(scene_tables, results["scenes"])]) + "\n"
+    size = f"{s['size']} × {s['size']}, budgets up to {s['budget_seconds']:g} s, {s['seeds']} seeds"
+    head = f"{s['date']}; {s['cpu']}, {s['threads']} used; {size}. {versions}."
+    parts = [f"# Times to equal error\n\n{head}", summary(results), *map(scene_tables, results["scenes"])]
+    return "\n\n".join(parts) + "\n"
 
 
 def write(results, folder):

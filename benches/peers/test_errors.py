@@ -28,7 +28,7 @@ def mean_relmse(judge, subject, spp):
     """relMSE of ten pictures against what `judge` renders."""
     spps = [16, 16, 64, 64]
     reference = combined([pooled([j.render(n) for n in spps], spps) for j in judge])
-    return np.mean([relmse(subject.render(spp), reference) for _ in range(10)], axis=0)
+    return np.mean([relmse(subject.render(spp), reference, reference.scale()) for _ in range(10)], axis=0)
 
 
 class Errors(unittest.TestCase):
@@ -46,7 +46,7 @@ class Errors(unittest.TestCase):
         reference = pooled([truth()] * 2, [1, 1])
         picture = truth()
         picture[:3, :3] += 100.0
-        plain, trimmed = relmse(picture, reference)
+        plain, trimmed = relmse(picture, reference, reference.scale())
         self.assertGreater(plain, 1.0)
         self.assertEqual(trimmed, 0.0)
 

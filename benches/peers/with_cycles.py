@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-MAX_BOUNCES = 64
+from gltf import MAX_DEPTH
+
 # From glTF's axes to Blender's, whose up is +Z.
 TO_BLENDER = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -61,8 +62,8 @@ class Peer:
         cycles.use_light_tree, cycles.use_auto_tile, cycles.use_fast_gi = True, False, False
         cycles.min_light_bounces = cycles.min_transparent_bounces = 0
         for kind in ("max", "diffuse", "glossy", "transmission"):
-            setattr(cycles, f"{kind}_bounces", MAX_BOUNCES)
-        cycles.transparent_max_bounces, cycles.film_exposure = MAX_BOUNCES, 1.0
+            setattr(cycles, f"{kind}_bounces", MAX_DEPTH)
+        cycles.transparent_max_bounces, cycles.film_exposure = MAX_DEPTH, 1.0
         cycles.use_guiding = self.guiding
 
     def mesh(self, scene, surface, name):

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gltf import write_ply
+from gltf import MAX_DEPTH, write_ply
 
-MAX_DEPTH = 64
 # Texels are made so much finer, as it interpolates between them.
 FINER = 2
 # From the sky's own axes, whose poles are ±Z, to the world's.
@@ -100,7 +99,11 @@ class Peer:
             values[f"path.pathdepth.{kind}"] = MAX_DEPTH
         values |= {"path.clamping.variance.maxvalue": 0.0, "path.hybridbackforward.enable": False}
         values |= {"film.width": self.size, "film.height": self.size, "film.filter.type": "NONE"}
-        values |= {"film.imagepipelines.0.0.type": "NOP", "film.outputs.0.type": "RGB", "film.outputs.0.filename": "x.exr"}
+        values |= {
+            "film.imagepipelines.0.0.type": "NOP",
+            "film.outputs.0.type": "RGB",
+            "film.outputs.0.filename": "x.exr",
+        }
         values |= {"film.noiseestimation.warmup": 0, "batch.haltspp": (spp, 0), "screen.refresh.interval": 1}
         return self.properties("", values)
 

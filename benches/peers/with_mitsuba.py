@@ -7,9 +7,7 @@ import time
 
 import numpy as np
 
-from gltf import finer_environment
-
-MAX_DEPTH = 64
+from gltf import MAX_DEPTH, finer_environment
 
 
 def find_llvm():

@@ -66,6 +66,7 @@ mi.set_variant("scalar_rgb")
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benches/peers"))
 from gltf import Document, emission, finer_environment, unscaled, write_ply  # noqa: E402
+
 # Not part of the repository; the scene that wants it is left out if it is not there.
 SKY_ASSET = ROOT / "../shared/assets/_hdr/venice_sunset_1k.hdr"
 

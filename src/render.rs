@@ -82,7 +82,7 @@ pub struct RenderSettings {
     /// Order a wave by the shading that its hits need, so that blocks of eight need the same. It changes no bit of a
     /// picture; off only to measure what it gains.
     pub sort: bool,
-    /// Edge of a tile, pixels.
+    /// Edge of a tile, pixels; rounded up to whole blocks of 8.
     pub tile_size: u32,
     /// Worker threads; 0 for one per core.
     pub threads: usize,

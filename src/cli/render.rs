@@ -105,7 +105,7 @@ pub struct Args {
     /// Paths that a worker keeps in flight
     #[arg(long, value_name = "N", default_value_t = 2048, value_parser = at_least_one)]
     wave_size: usize,
-    /// Edge of a tile, pixels
+    /// Edge of a tile, pixels; rounded up to a multiple of 8
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..))]
     tile_size: u32,
 }

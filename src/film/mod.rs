@@ -21,7 +21,7 @@ pub use self::{
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
     sums::{Sums, Unit},
-    tiles::{Film, Tile},
+    tiles::{BLOCK, Film, Tile},
     tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},
     write::{Format, WriteOptions, check_writable, discard_unfinished, write, write_file},
 };

@@ -3,7 +3,12 @@
 use super::{Layer, LayerData, Picture, Sums, Unit};
 use crate::render::{LayerKind, RenderSettings};
 
-/// A rectangle of pixels with the light that fell on it.
+/// Edge of the blocks of pixels that are rendered as one. They lie at multiples of it in the whole picture, whatever
+/// part is rendered and however it is cut into tiles, so that pixels of a block may share work and a picture still does not
+/// depend on either.
+pub const BLOCK: u32 = 8;
+
+/// A rectangle of pixels with the light that fell on it: whole blocks, but for the picture's right and lower edge.
 #[derive(Clone, Debug, Default)]
 pub struct Tile {
     /// First column in the whole picture.
@@ -36,7 +41,7 @@ impl Tile {
 /// All tiles of a picture, or of the part of it that is rendered.
 #[derive(Clone, Debug)]
 pub struct Film {
-    /// x, y, width, height of the rendered part.
+    /// x, y, width, height of the part that was asked for; the tiles cover all blocks that it touches.
     pub window: [u32; 4],
     /// Step of the light sums.
     pub unit: Unit,
@@ -52,17 +57,20 @@ impl Film {
     /// Black, for the window that the settings ask for.
     pub fn new(settings: &RenderSettings, unit: Unit) -> Self {
         let window = settings.crop.unwrap_or([0, 0, settings.width, settings.height]);
-        let [x0, y0, width, height] = window;
-        let edge = settings.tile_size.max(1);
+        let [columns, rows] = [(0, settings.width), (1, settings.height)].map(|(axis, all)| {
+            let end = (window[axis] + window[axis + 2]).next_multiple_of(BLOCK).min(all);
+            window[axis] / BLOCK * BLOCK..end
+        });
+        let edge = settings.tile_size.clamp(1, 1 << 16).next_multiple_of(BLOCK);
         let mut tiles = Vec::new();
-        for y in (0..height).step_by(edge as usize) {
-            for x in (0..width).step_by(edge as usize) {
-                let (w, h) = (edge.min(width - x), edge.min(height - y));
+        for y in rows.clone().step_by(edge as usize) {
+            for x in columns.clone().step_by(edge as usize) {
+                let (w, h) = (edge.min(columns.end - x), edge.min(rows.end - y));
                 let pixels = w as usize * h as usize;
                 let zeros = |on: bool| if on { vec![0; pixels] } else { Vec::new() };
                 tiles.push(Tile {
-                    x: x0 + x,
-                    y: y0 + y,
+                    x,
+                    y,
                     width: w,
                     height: h,
                     samples: [0; 2],
@@ -82,11 +90,11 @@ impl Film {
 
     /// Pixel means as a picture.
     pub fn resolve(&self) -> Picture {
-        let [x0, y0, width, height] = self.window;
-        let (columns, pixels) = (width as usize, width as usize * height as usize);
+        let [_, _, width, height] = self.window.map(|length| length as usize);
+        let pixels = width * height;
         let mut picture = Picture {
-            width: columns,
-            height: height as usize,
+            width,
+            height,
             rgb: vec![[0.0; 3]; pixels],
             alpha: self.transparent.then(|| vec![0.0; pixels]),
             layers: self.layers.iter().map(|kind| kind.blank(pixels)).collect(),
@@ -95,9 +103,7 @@ impl Film {
         for tile in &self.tiles {
             let samples = tile.samples[0] + tile.samples[1];
             let scale = 1.0 / f64::from(samples.max(1));
-            for pixel in 0..tile.pixels() {
-                let (x, y) = (pixel % tile.width as usize, pixel / tile.width as usize);
-                let at = ((tile.y - y0) as usize + y) * columns + (tile.x - x0) as usize + x;
+            for (pixel, at) in self.pixels_of(tile) {
                 picture.rgb[at] = std::array::from_fn(|i| {
                     let sum = tile.halves[0].0[pixel][i] + tile.halves[1].0[pixel][i];
                     (self.unit.value(sum) * scale) as f32
@@ -122,6 +128,19 @@ impl Film {
         picture
     }
 
+    /// The pixels of a tile that were asked for: their places in the tile and in the picture.
+    fn pixels_of(&self, tile: &Tile) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let [x0, y0, width, height] = self.window;
+        let &Tile { x, y, width: tile_width, .. } = tile;
+        let across = x.max(x0)..(x + tile_width).min(x0 + width);
+        (y.max(y0)..(y + tile.height).min(y0 + height)).flat_map(move |row| {
+            across.clone().map(move |column| {
+                let place = (row - y) as usize * tile_width as usize + (column - x) as usize;
+                (place, (row - y0) as usize * width as usize + (column - x0) as usize)
+            })
+        })
+    }
+
     /// Mean samples per pixel.
     pub fn spp(&self) -> f64 {
         let samples: f64 = self.tiles.iter().map(|t| f64::from(t.samples[0] + t.samples[1]) * t.pixels() as f64).sum();
@@ -139,7 +158,8 @@ impl Film {
             if m == 0.0 || n == 0.0 {
                 return None;
             }
-            for (even, odd) in tile.halves[0].0.iter().zip(&tile.halves[1].0) {
+            for (pixel, _) in self.pixels_of(tile) {
+                let (even, odd) = (tile.halves[0].0[pixel], tile.halves[1].0[pixel]);
                 for i in 0..3 {
                     let (a, b) = (self.unit.value(even[i]), self.unit.value(odd[i]));
                     let difference = a / m - b / n;
@@ -189,5 +209,46 @@ impl LayerKind {
             Self::EntityId | Self::MaterialId | Self::SampleCount => LayerData::Id(vec![0; pixels]),
         };
         Layer { name: self.name().to_owned(), data }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever is asked for, each block of the picture that it touches is in one tile, whole, and each pixel asked for has
+    /// one place.
+    #[test]
+    fn tiles_hold_whole_blocks_of_the_picture() {
+        for (size, crop) in [
+            ([37, 20], None),
+            ([37, 20], Some([3, 9, 10, 2])),
+            ([64, 64], Some([8, 8, 16, 8])),
+            ([19, 13], Some([17, 12, 2, 1])),
+        ] {
+            for tile_size in [1, 8, 13, 32, u32::MAX] {
+                let [width, height] = size;
+                let settings = RenderSettings { width, height, crop, tile_size, ..RenderSettings::default() };
+                let film = Film::new(&settings, Unit::PLAIN);
+                let mut owners = vec![0; (width * height) as usize];
+                let mut places = vec![0; (film.window[2] * film.window[3]) as usize];
+                for tile in &film.tiles {
+                    assert!(tile.x % BLOCK == 0 && tile.y % BLOCK == 0);
+                    for (y, x) in (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (y, x))) {
+                        owners[((tile.y + y) * width + tile.x + x) as usize] += 1;
+                    }
+                    film.pixels_of(tile).for_each(|(_, at)| places[at] += 1);
+                }
+                let [x, y, w, h] = film.window;
+                let touched = |at: u32, from: u32, length: u32| {
+                    (from / BLOCK..=(from + length - 1) / BLOCK).contains(&(at / BLOCK))
+                };
+                for (i, &owners) in (0..).zip(&owners) {
+                    let want = touched(i % width, x, w) && touched(i / width, y, h);
+                    assert_eq!(owners, i32::from(want), "{size:?} {crop:?} tiles of {tile_size}, pixel {i}");
+                }
+                assert!(places.iter().all(|&count| count == 1));
+            }
+        }
     }
 }

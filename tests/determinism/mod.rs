@@ -53,12 +53,17 @@ fn a_pixel_does_not_know_what_else_is_rendered() {
     let whole = renderer.render(&base, &()).picture;
     let range = RenderSettings { spp: None, samples: Some(0..8), ..base.clone() };
     assert!(renderer.render(&range, &()).picture == whole);
-    let [x, y, w, h] = [13, 7, 20, 11];
-    let crop = renderer.render(&RenderSettings { crop: Some([x, y, w, h]), ..base.clone() }, &()).picture;
-    assert_eq!((crop.width, crop.height), (20, 11));
-    for row in 0..h as usize {
-        let start = (y as usize + row) * 40 + x as usize;
-        assert_eq!(whole.rgb[start..start + w as usize], crop.rgb[row * w as usize..(row + 1) * w as usize]);
+    // In the middle of blocks of eight pixels, a pixel, a block, and the last corner, which is no whole block.
+    for (crop, tile_size) in [([13, 7, 20, 11], 32), ([17, 3, 1, 1], 1), ([8, 16, 8, 8], 9), ([33, 29, 4, 8], 16)] {
+        let part = RenderSettings { width: 37, height: 37, tile_size, ..base.clone() };
+        let whole = renderer.render(&part, &()).picture;
+        let [x, y, w, h] = crop.map(|length| length as usize);
+        let crop = renderer.render(&RenderSettings { crop: Some(crop), ..part }, &()).picture;
+        assert_eq!((crop.width, crop.height), (w, h));
+        for row in 0..h {
+            let start = (y + row) * 37 + x;
+            assert_eq!(whole.rgb[start..start + w], crop.rgb[row * w..(row + 1) * w], "{w} x {h}, row {row}");
+        }
     }
     for other in [
         RenderSettings { seed: 1, ..base.clone() },

@@ -73,6 +73,8 @@ pub struct RenderSettings {
     pub filter: PixelFilter,
     /// Lift the origins of rays towards the smooth surface (Hanika 2021).
     pub terminator_fix: bool,
+    /// Let neighbouring pixels share the light that their paths find. Their errors are then alike, and much smaller.
+    pub reuse: bool,
     /// Alpha 0 where the background shows, and no background light there.
     pub transparent: bool,
     /// Layers beside the beauty picture.
@@ -102,6 +104,7 @@ impl Default for RenderSettings {
             sampler: SamplerKind::default(),
             filter: PixelFilter::default(),
             terminator_fix: true,
+            reuse: true,
             transparent: false,
             layers: Vec::new(),
             wave_size: 2048,

@@ -217,7 +217,7 @@ impl Accel {
                 done(index, &self.nearest(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
         } else if rays.coherent_from() < rays.count() {
-            packet::trace(self, rays, coverage, counters, done);
+            packet::trace::<false, C>(self, rays, coverage, counters, done);
         } else {
             queue::trace::<false, C>(self, rays, coverage, counters, done);
         }
@@ -242,8 +242,13 @@ impl Accel {
                 let (origin, direction, t_max) = rays.ray(index);
                 done(index, self.occluded(origin, direction, t_max, rays.id(index), coverage, &mut stacks));
             }
+            return;
+        }
+        let done = |index: usize, hit: &Hit| done(index, hit.instance != NONE);
+        if rays.coherent_from() < rays.count() {
+            packet::trace::<true, C>(self, rays, coverage, counters, done);
         } else {
-            queue::trace::<true, C>(self, rays, coverage, counters, |index, hit| done(index, hit.instance != NONE));
+            queue::trace::<true, C>(self, rays, coverage, counters, done);
         }
     }
 

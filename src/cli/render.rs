@@ -92,6 +92,9 @@ pub struct Args {
     /// Leave shadows of coarse smooth meshes as their triangles cast them
     #[arg(long)]
     no_terminator_fix: bool,
+    /// Let no pixel use the light that the paths of its neighbours found
+    #[arg(long)]
+    no_reuse: bool,
     #[command(flatten)]
     accel: AccelArgs,
     #[command(flatten)]
@@ -300,6 +303,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         sampler: args.sampler.into(),
         filter: args.filter.into(),
         terminator_fix: !args.no_terminator_fix,
+        reuse: !args.no_reuse,
         transparent: args.transparent,
         layers,
         wave_size: args.wave_size,

@@ -36,6 +36,11 @@ impl Tile {
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
     }
+
+    /// All light that fell on a pixel so far, in steps of the film's unit.
+    pub fn light(&self, pixel: usize) -> [i128; 3] {
+        std::array::from_fn(|i| self.halves.iter().map(|sums| sums.0[pixel][i]).sum())
+    }
 }
 
 /// All tiles of a picture, or of the part of it that is rendered.

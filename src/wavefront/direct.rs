@@ -31,6 +31,8 @@ pub struct LightSample<F: Real> {
     pub pdf: F,
     /// Something may arrive.
     pub valid: F::Mask,
+    /// Lanes in which it is the sky.
+    pub sky: u32,
 }
 
 /// What was chosen for one lane.
@@ -291,7 +293,7 @@ pub fn sample<F: Real>(
         pdf = F::select(is_sky, density * pmf, pdf);
         valid = (valid & !is_sky) | seen;
     }
-    LightSample { origin, up, wi, target: end, near, light, pdf, valid }
+    LightSample { origin, up, wi, target: end, near, light, pdf, valid, sky: kinds.sky }
 }
 
 /// What the texture of a flat light makes of its radiance.

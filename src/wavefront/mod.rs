@@ -2,9 +2,11 @@
 //!
 //! ```text
 //! generate ─▶ PathQueue ─▶ intersect ─▶ HitQueue ─▶ sort ─▶ shade ─┬▶ ShadowQueue ─▶ connect ─▶ tile sums
-//!                ▲                                                 │
-//!                └───────────────────── bounce ◀───────────────────┘
+//!                ▲                                                 │                             ▲
+//!                └───────────────────── bounce ◀───────────────────┴▶ Reuse ─▶ LinkQueue ─▶ join ┘
 //! ```
+//!
+//! `join` runs once when all paths of a tile's samples have ended, and only where the [`pilot`] found that it pays.
 //!
 //! In flow a [`FlatScene`] and settings; out flow tile sums. A stage is a free function
 //! over queues, and knows no other; this module alone knows their order, and which of
@@ -33,13 +35,17 @@ mod connect;
 
 mod bounce;
 
+mod join;
+
 // What stages call and what calls them.
 mod ahead;
 mod coverage;
 mod dimensions;
 mod direct;
 mod one_path;
+mod pilot;
 mod queues;
+mod reuse;
 mod schedule;
 mod stats;
 mod surface;
@@ -50,7 +56,9 @@ mod tests;
 use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
+    join::Joiner,
     queues::{HitQueue, PathQueue, ShadowQueue},
+    reuse::{Reuse, Shares},
     sort::Order,
     stats::{Blocks, Counters, Stage},
     surface::Parts,
@@ -86,6 +94,8 @@ pub struct Settings {
     pub lights_by_place: bool,
     /// The row of the only light, if it is flat, of one colour, and all that can be sampled.
     pub only_flat_light: Option<u32>,
+    /// What pixels share of what their paths find.
+    pub shares: Shares,
     /// Some solid absorbs.
     pub absorbs: bool,
     /// Some surface does not stop every ray.
@@ -131,6 +141,7 @@ impl<'a> Job<'a> {
                 absorbs: needs.has(SceneNeeds::VOLUMES),
                 blends: needs.has(SceneNeeds::ALPHA),
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
+                shares: shares(scene, settings),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
@@ -141,6 +152,18 @@ impl<'a> Job<'a> {
     }
 }
 
+/// What can be shared in a scene.
+fn shares(scene: &FlatScene, settings: &RenderSettings) -> Shares {
+    // Where rays are stopped at random, two vertices see each other only in part.
+    if !settings.reuse || scene.needs.has(SceneNeeds::ALPHA) {
+        return Shares::default();
+    }
+    let scatterings = settings.max_depth.unwrap_or(u32::MAX);
+    let environment = scatterings > 0 && scene.lights.environment.is_some();
+    let map = environment && scene.needs.has(SceneNeeds::ENVIRONMENT_MAP);
+    Shares { surface: scatterings > 1, sky: environment, lit: map && !scene.lights.choice.is_empty() }
+}
+
 /// One core's queues; they keep their memory from tile to tile.
 #[derive(Default)]
 pub struct Worker {
@@ -149,6 +172,8 @@ pub struct Worker {
     hits: HitQueue,
     shadows: ShadowQueue,
     order: Order,
+    reuse: Reuse,
+    joiner: Joiner,
     /// What this worker did.
     counters: Counters,
 }
@@ -169,9 +194,13 @@ impl Worker {
     fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
         let Job { scene, settings, lens, filter, sampler, unit } = job;
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
-        let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
+        let halves = std::mem::take(&mut tile.halves);
+        let mut tally = Tally { unit: *unit, halves, discarded: 0, reuse: std::mem::take(&mut self.reuse) };
+        if settings.shares.any() {
+            tally.reuse.begin(tile.pixels(), from, to);
+        }
         let mut cursor = Cursor::new(from, to);
-        let Self { paths, next, hits, shadows, order, counters } = self;
+        let Self { paths, next, hits, shadows, order, joiner, counters, .. } = self;
         paths.rewind();
         next.rewind();
         // Once, so that no stage allocates however the paths of a wave turn out.
@@ -221,7 +250,15 @@ impl Worker {
                         }
                         let mut blocks = Blocks::default();
                         for rows in order.runs(sort::MISS) {
-                            blocks += sky::sky(scene, environment, rows, settings.transparent, paths, &mut tally);
+                            blocks += sky::sky(
+                                scene,
+                                environment,
+                                rows,
+                                settings.transparent,
+                                settings.shares.sky,
+                                paths,
+                                &mut tally,
+                            );
                         }
                         blocks
                     });
@@ -251,7 +288,18 @@ impl Worker {
                         for class in ShadingClass::SCATTERING {
                             let rows = piece.run(class as usize);
                             if !rows.is_empty() {
-                                blocks += shade_class(job, class, rows, order, paths, hits, shadows, next, counters);
+                                blocks += shade_class(
+                                    job,
+                                    class,
+                                    rows,
+                                    order,
+                                    paths,
+                                    hits,
+                                    shadows,
+                                    next,
+                                    &mut tally.reuse,
+                                    counters,
+                                );
                             }
                         }
                     }
@@ -269,7 +317,13 @@ impl Worker {
                 counters.time_blocks(Stage::Bounce, next.len(), |_| bounce::bounce(sampler, next, paths));
             }
         }
+        if settings.shares.any() {
+            counters.time(Stage::Join, tile.pixels() * (to - from) as usize, |counters| {
+                joiner.join(job, coverage, rectangle, from, to, &mut tally, counters);
+            });
+        }
         tile.halves = std::mem::take(&mut tally.halves);
+        self.reuse = tally.reuse;
         self.counters.discarded += tally.discarded;
         for sample in from..to {
             tile.samples[(sample & 1) as usize] += 1;
@@ -287,6 +341,7 @@ fn shade_class(
     hits: &HitQueue,
     shadows: &mut ShadowQueue,
     next: &mut PathQueue,
+    reuse: &mut Reuse,
     counters: &mut Counters,
 ) -> Blocks {
     let run = match class {
@@ -298,7 +353,7 @@ fn shade_class(
     };
     let Job { scene, settings, sampler, .. } = job;
     let (materials, parts) = (&order.materials, parts_of(class));
-    run(scene, settings, sampler, rows, materials, parts, paths, hits, shadows, next, counters)
+    run(scene, settings, sampler, rows, materials, parts, paths, hits, shadows, next, reuse, counters)
 }
 
 /// The parameters that a class reads.

@@ -7,7 +7,9 @@ use super::{
     bounce::{ROULETTE_FROM, most_survivors, survival},
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
-    emit, parts_of, schedule,
+    emit, parts_of,
+    reuse::Reuse,
+    schedule,
     shade::{self, Arrived, Connection, Departure},
     sky,
     stats::Counters,
@@ -40,7 +42,11 @@ fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32) {
 
 fn run_covered<C: Coverage>(worker: &mut Worker, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
     let mut stacks = Stacks::default();
-    let mut tally = Tally { unit: job.unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
+    let halves = std::mem::take(&mut tile.halves);
+    let mut tally = Tally { unit: job.unit, halves, discarded: 0, reuse: std::mem::take(&mut worker.reuse) };
+    if job.settings.shares.any() {
+        tally.reuse.begin(tile.pixels(), from, to);
+    }
     for sample in from..to {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
@@ -48,7 +54,12 @@ fn run_covered<C: Coverage>(worker: &mut Worker, job: &Job, coverage: &C, tile: 
         }
         tile.samples[(sample & 1) as usize] += 1;
     }
+    if job.settings.shares.any() {
+        let rectangle = [tile.x, tile.y, tile.width, tile.height];
+        worker.joiner.join(job, coverage, rectangle, from, to, &mut tally, &mut worker.counters);
+    }
     tile.halves = std::mem::take(&mut tally.halves);
+    worker.reuse = tally.reuse;
     worker.counters.discarded += tally.discarded;
 }
 
@@ -73,7 +84,7 @@ fn trace<C: Coverage>(
     let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
     let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);
     let mut throughput = V3::splat(1.0);
-    let (mut pdf, mut eta_scale, mut medium, mut side) = (0.0, 1.0, NONE, 0);
+    let (mut pdf, mut eta_scale, mut medium, mut side, mut slot) = (0.0, 1.0, NONE, 0, slot);
     counters.rays.camera += 1;
     for depth in 0.. {
         let hit = scene.accel.nearest(origin, direction, t_max, name(depth, 0), coverage, stacks);
@@ -81,9 +92,9 @@ fn trace<C: Coverage>(
             if let Some(environment) = &scene.lights.environment
                 && !(settings.transparent && depth == 0)
             {
-                let light =
-                    sky::seen(scene, environment, V3::from_array(direction), pdf, |_| Receiver::new(origin, side));
-                tally.add(slot, sample, (throughput * light).lane(0));
+                let direction = V3::from_array(direction);
+                let seen = sky::seen::<f32>(scene, environment, direction, pdf, |_| Receiver::new(origin, side));
+                sky::add(tally, settings.shares.sky && depth == 1, (slot, sample), direction, &seen, throughput, 0);
             }
             return;
         }
@@ -127,13 +138,14 @@ fn trace<C: Coverage>(
             depth: [depth; 8],
             medium: [medium; 8],
         };
-        let (connection, departure) = scatter(job, scene.materials.class[material as usize], &at, counters);
+        let (connection, departure) =
+            scatter(job, scene.materials.class[material as usize], &at, &mut tally.reuse, counters);
         if connection.lanes != 0 {
             counters.rays.shadow += 1;
             let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
             let id = name(depth, 1);
             if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage, stacks) {
-                tally.add(slot, sample, connection.light.lane(0));
+                tally.add(connection.slot[0], sample, connection.light.lane(0));
             }
         }
         if departure.lanes == 0 {
@@ -151,12 +163,18 @@ fn trace<C: Coverage>(
             throughput = throughput * (1.0 / q);
         }
         (origin, direction, t_max) = (departure.origin.lane(0), departure.direction.lane(0), f32::INFINITY);
-        (pdf, medium, side) = (departure.pdf, departure.medium[0], departure.side[0]);
+        (pdf, medium, side, slot) = (departure.pdf, departure.medium[0], departure.side[0], departure.slot[0]);
         counters.rays.bounce += 1;
     }
 }
 
-fn scatter(job: &Job, class: u32, at: &Arrived<f32>, counters: &mut Counters) -> (Connection<f32>, Departure<f32>) {
+fn scatter(
+    job: &Job,
+    class: u32,
+    at: &Arrived<f32>,
+    reuse: &mut Reuse,
+    counters: &mut Counters,
+) -> (Connection<f32>, Departure<f32>) {
     let class = ShadingClass::SCATTERING.into_iter().find(|&c| c as u32 == class).unwrap_or(ShadingClass::Lambert);
     let run = match class {
         ShadingClass::Unlit | ShadingClass::Lambert => shade::scatter::<f32, Lambert, false>,
@@ -165,5 +183,5 @@ fn scatter(job: &Job, class: u32, at: &Arrived<f32>, counters: &mut Counters) ->
         ShadingClass::Transmissive => shade::scatter::<f32, Transmissive, false>,
         ShadingClass::TransmissiveTextured => shade::scatter::<f32, Transmissive, true>,
     };
-    run(job.scene, &job.settings, &job.sampler, at, parts_of(class), counters)
+    run(job.scene, &job.settings, &job.sampler, at, parts_of(class), reuse, counters)
 }

@@ -139,6 +139,26 @@ queue! {
     }
 }
 
+queue! {
+    /// Rays from near vertices to far ones.
+    pub struct LinkQueue of Link by LinkBlock {
+        /// Start, m.
+        ox: f32,
+        /// As above.
+        oy: f32,
+        /// As above.
+        oz: f32,
+        /// Way to the end, m, or the direction.
+        dx: f32,
+        /// As above.
+        dy: f32,
+        /// As above.
+        dz: f32,
+        /// End, in units of the way.
+        t_max: f32,
+    }
+}
+
 /// Bytes that a path takes over all queues: two path rows (old and new), a hit, a shadow ray, a sort entry.
 pub const BYTES_PER_PATH: usize =
     2 * PathQueue::ROW_BYTES + HitQueue::ROW_BYTES + ShadowQueue::ROW_BYTES + size_of::<u32>();

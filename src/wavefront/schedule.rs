@@ -10,7 +10,7 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Counters, Job, Worker};
+use super::{Counters, Job, Worker, pilot};
 use crate::{
     film::{Film, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
@@ -94,7 +94,7 @@ pub(super) fn render_by(
     let start = Instant::now();
     let unit = Unit::for_emission(brightest(scene));
     let mut film = Film::new(settings, unit);
-    let job = Job::new(scene, settings, unit);
+    let mut job = Job::new(scene, settings, unit);
     let samples = settings.samples.clone().unwrap_or(0..settings.spp.unwrap_or(u32::MAX));
     let pixels = film.tiles.iter().map(|tile| tile.pixels() as f64).sum::<f64>();
     let watcher = Watcher {
@@ -108,20 +108,21 @@ pub(super) fn render_by(
         last: Mutex::new(start),
     };
     let workers: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
-    let pass = |film: &mut Film, from: u32, to: u32| {
+    let pass = |job: &Job, film: &mut Film, from: u32, to: u32| {
         film.tiles.par_iter_mut().for_each(|tile| {
             if watcher.cancelled.load(Ordering::Relaxed) {
                 return;
             }
             let mut worker = workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
             let rays = worker.counters.all_rays();
-            run(&mut worker, &job, tile, from, to);
+            run(&mut worker, job, tile, from, to);
             let rays = worker.counters.all_rays() - rays;
             watcher.tick(u64::from(to - from) * tile.pixels() as u64, rays, pixels);
             workers.lock().expect("no worker panics holding it").push(worker);
         });
     };
     let mut all_passes = || {
+        job.settings.shares = pilot::plan(&job, settings);
         let mut next = samples.start;
         while next < samples.end && !watcher.cancelled.load(Ordering::Relaxed) {
             let mut count = PASS;
@@ -145,7 +146,7 @@ pub(super) fn render_by(
                 }
             }
             let end = next.saturating_add(count).min(samples.end);
-            pass(&mut film, next, end);
+            pass(&job, &mut film, next, end);
             next = end;
         }
     };

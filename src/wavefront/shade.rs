@@ -5,18 +5,20 @@ use wide::f32x8;
 use super::{
     Settings, ahead, dimensions, direct,
     queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
+    reuse::{FIRST, Glimpse, Reuse, SHARED, Shares},
     stats::{Blocks, Counters},
-    surface::{self, Incoming, Parts},
+    surface::{self, Incoming, Parts, Surface},
 };
 use crate::{
     bsdf::Bsdf,
     flat::{FlatScene, NONE, SceneNeeds},
+    light::Receiver,
     sampling::{Sampler, mis},
     simd::{Bits, LANES, Mask, Real, Rgb, V3},
 };
 
 /// Share of the way to a light that must be clear: all of it but for the rounding of a distance.
-const BEFORE_LIGHT: f32 = 1.0 - 8.0 * f32::EPSILON;
+pub const BEFORE_LIGHT: f32 = 1.0 - 8.0 * f32::EPSILON;
 
 /// Paths at surfaces, one per lane.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +54,8 @@ pub struct Connection<F: Real> {
     pub t_max: F,
     /// What the pixel gets, nit.
     pub light: Rgb<F>,
+    /// Where that goes.
+    pub slot: [u32; 8],
     /// Lanes that have one.
     pub lanes: u32,
 }
@@ -73,6 +77,8 @@ pub struct Departure<F: Real> {
     pub medium: [u32; 8],
     /// The side that it leaves to.
     pub side: [u32; 8],
+    /// Where its light goes.
+    pub slot: [u32; 8],
     /// Lanes that go on.
     pub lanes: u32,
 }
@@ -87,6 +93,51 @@ fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmit
     }
 }
 
+/// What a surface is to its path's neighbours, lane by lane, and what of the path goes on under its own name.
+struct Role<F: Real> {
+    /// The first surface of a path that takes part.
+    near: u32,
+    /// The second one: what is found from here on belongs to it.
+    far: u32,
+    throughput: Rgb<F>,
+    eta_scale: F,
+    slot: [u32; 8],
+}
+
+impl<F: Real> Role<F> {
+    /// None.
+    #[inline(always)]
+    fn alone(at: &Arrived<F>) -> Self {
+        Self { near: 0, far: 0, throughput: at.throughput, eta_scale: at.eta_scale, slot: at.slot }
+    }
+}
+
+#[inline(always)]
+fn role<F: Real>(at: &Arrived<F>, shares: Shares, surface: &Surface<F>, reuse: &mut Reuse) -> Role<F> {
+    let mut role = Role::alone(at);
+    let early = (0..F::LANES).filter(|&lane| at.depth[lane] < 2).fold(0, |bits, lane| bits | 1 << lane);
+    let lanes = at.active & early & Reuse::takes_part(&surface.params).bits();
+    for lane in (0..F::LANES).filter(|lane| lanes >> lane & 1 == 1) {
+        if at.medium[lane] != NONE {
+            continue;
+        }
+        if at.depth[lane] == 0 {
+            role.near |= 1 << lane;
+        } else if shares.surface && reuse.awaits_far(at.slot[lane], at.sample[lane]) && surface.bent >> lane & 1 == 0 {
+            role.far |= 1 << lane;
+            reuse.keep_far(surface, at, lane);
+            role.slot[lane] |= SHARED;
+        }
+    }
+    if role.far != 0 {
+        let far = F::Mask::from_bits(role.far);
+        // Roulette goes on by what the path brings its own pixel.
+        role.eta_scale = F::select(far, at.eta_scale * at.throughput.max_element(), at.eta_scale);
+        role.throughput = V3::select(far, V3::splat(1.0), at.throughput);
+    }
+    role
+}
+
 /// One scattering: the kernel behind [`shade`], for eight lanes or one.
 ///
 /// Contributions along the connection and the departure are complete but for visibility and roulette.
@@ -97,6 +148,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     sampler: &Sampler,
     at: &Arrived<F>,
     parts: Parts,
+    reuse: &mut Reuse,
     counters: &mut Counters,
 ) -> (Connection<F>, Departure<F>) {
     let fix = settings.terminator_fix;
@@ -116,8 +168,21 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         medium_behind(at.medium[lane], at.hits.material[lane], bit(solids), bit(insides), bit(transmitted))
     };
 
+    let Role { near, far, throughput, eta_scale, slot } = if settings.shares.any() && !transmissive {
+        role(at, settings.shares, &surface, reuse)
+    } else {
+        Role::alone(at)
+    };
+
+    let reflected = F::Mask::splat(true);
+    let start = if near == 0 { surface.p } else { surface.leave(reflected) };
+    let sky_pmf = |lane: usize| {
+        let side = direct::side(settings, &surface, reflected, false, lane);
+        scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), side))
+    };
+
     let mut connection =
-        Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), lanes: 0 };
+        Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), slot, lanes: 0 };
     let lit = active & B::scatters(&prepared);
     if settings.sample_lights && lit.any() {
         let light = direct::sample(
@@ -137,7 +202,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         if reached.any() {
             let (f, pdf) = B::eval(&prepared, wi);
             let weight = F::select(light.pdf.gt(zero), mis::power(light.pdf, pdf), F::one());
-            let mut carried = at.throughput * f * light.light * weight;
+            let mut carried = throughput * f * light.light * weight;
             let origin = light.origin;
             let direction = V3::select(light.near, light.target - origin, light.target);
             if settings.absorbs {
@@ -153,12 +218,32 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
                 });
                 carried = carried * keep;
             }
+            for lane in (0..F::LANES).filter(|lane| far >> lane & 1 == 1) {
+                let kept = reuse.far_of(at.slot[lane], at.sample[lane]);
+                (kept.to_light, kept.f_light) = (light.wi.lane(lane), f.lane(lane));
+            }
+            let mut lanes = reached & !carried.max_element().eq(zero);
+            let shared = if settings.shares.lit { near & light.sky } else { 0 }
+                & reached.bits()
+                & light.wi.dot(surface.ng).gt(zero).bits();
+            if shared != 0 {
+                lanes = lanes & !F::Mask::from_bits(shared);
+                for lane in (0..F::LANES).filter(|lane| shared >> lane & 1 == 1) {
+                    let pdf = light.pdf.lane(lane);
+                    let density = pdf / sky_pmf(lane);
+                    let radiance = light.light.lane(lane).map(|light| light * pdf);
+                    let direction = light.wi.lane(lane);
+                    let glimpse = Glimpse { direction, radiance, density, alone: [0.0; 3] };
+                    reuse.keep_lit(at.slot[lane], at.sample[lane], glimpse);
+                }
+            }
             connection = Connection {
                 origin,
                 direction,
                 t_max: F::select(light.near, F::splat(BEFORE_LIGHT), F::splat(f32::INFINITY)),
                 light: carried,
-                lanes: (reached & !carried.max_element().eq(zero)).bits(),
+                slot: std::array::from_fn(|lane| if far >> lane & 1 == 1 { slot[lane] | FIRST } else { slot[lane] }),
+                lanes: lanes.bits(),
             };
         }
     }
@@ -167,8 +252,23 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let wi = surface.frame.to_world(drawn.wi);
     let (above, below) = surface.sides(wi, drawn.wi);
     let agrees = if transmissive { (above & !drawn.transmitted) | (below & drawn.transmitted) } else { above };
-    let throughput = at.throughput * drawn.weight;
+    let throughput = throughput * drawn.weight;
     let goes_on = active & drawn.valid & agrees & throughput.max_element().gt(zero);
+    if (near | far) != 0 {
+        let others = goes_on & drawn.pdf.gt(zero);
+        let f = drawn.weight * drawn.pdf;
+        for lane in 0..F::LANES {
+            if near >> lane & 1 == 1 {
+                let row = reuse.row(at.slot[lane], at.sample[lane]);
+                let on = others.bits() >> lane & 1 == 1;
+                let sky = if settings.sample_lights { sky_pmf(lane) } else { 0.0 };
+                reuse.keep_near(row, &surface, start, at.throughput, sky, on, lane);
+            } else if far >> lane & 1 == 1 {
+                let kept = reuse.far_of(at.slot[lane], at.sample[lane]);
+                (kept.to_next, kept.f_next) = (wi.lane(lane), f.lane(lane));
+            }
+        }
+    }
     let transmitted = if transmissive { drawn.transmitted.bits() } else { 0 };
     let mut medium = at.medium;
     if settings.absorbs {
@@ -179,8 +279,9 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         direction: wi,
         throughput,
         pdf: drawn.pdf,
-        eta_scale: at.eta_scale * drawn.eta_scale,
+        eta_scale: eta_scale * drawn.eta_scale,
         medium,
+        slot,
         side: std::array::from_fn(|lane| {
             if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }
         }),
@@ -236,6 +337,7 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
     hits: &HitQueue,
     shadows: &mut ShadowQueue,
     next: &mut PathQueue,
+    reuse: &mut Reuse,
     counters: &mut Counters,
 ) -> Blocks {
     let mut blocks = Blocks::default();
@@ -262,7 +364,8 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
             continue;
         }
         blocks += Blocks::one(at.active.count_ones());
-        let (connection, departure) = scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, counters);
+        let (connection, departure) =
+            scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, reuse, counters);
         push_connections(&at, &connection, shadows, settings.blends);
         push_departures(&at, &departure, next);
     }
@@ -288,7 +391,7 @@ fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut Sh
         light_r: c.light.x.to_array(),
         light_g: c.light.y.to_array(),
         light_b: c.light.z.to_array(),
-        slot: at.slot,
+        slot: c.slot,
         sample: at.sample,
     };
     shadows.put(&block, c.lanes);
@@ -309,7 +412,7 @@ fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQue
         throughput_b: d.throughput.z.to_array(),
         pdf: d.pdf.to_array(),
         eta_scale: d.eta_scale.to_array(),
-        slot: at.slot,
+        slot: d.slot,
         sample: at.sample,
         pixel_hash: at.pixel_hash,
         depth: at.depth.map(|depth| depth + 1),

@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{queues::PathQueue, stats::Blocks, tally::Tally};
+use super::{queues::PathQueue, reuse::Glimpse, stats::Blocks, tally::Tally};
 use crate::{
     flat::{EnvironmentLight, FlatScene},
     light::Receiver,
@@ -10,8 +10,18 @@ use crate::{
     simd::{LANES, Real, Rgb, V3},
 };
 
-/// Radiance of the sky along rays that left with density `pdf` (0: no light sample competes) where `at` says of each lane, weighted
-/// against light sampling.
+/// Light of the sky along rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<F: Real> {
+    /// As it is, nit.
+    pub radiance: Rgb<F>,
+    /// Weighted against light sampling, nit.
+    pub light: Rgb<F>,
+    /// Density of the sky's samples there, before the choice of the sky, per sr.
+    pub density: F,
+}
+
+/// What rays see that left with density `pdf` (0: no light sample competes) where `at` says of each lane.
 #[inline(always)]
 pub fn seen<F: Real>(
     scene: &FlatScene,
@@ -19,27 +29,58 @@ pub fn seen<F: Real>(
     direction: V3<F>,
     pdf: F,
     at: impl Fn(usize) -> Receiver,
-) -> Rgb<F> {
+) -> Seen<F> {
     match sky {
-        EnvironmentLight::Constant(radiance) => V3::from_array(*radiance),
+        EnvironmentLight::Constant(radiance) => {
+            let radiance = V3::from_array(*radiance);
+            Seen { radiance, light: radiance, density: F::zero() }
+        }
         EnvironmentLight::Map(map) => {
             let (radiance, density) = map.look_up(direction);
             let choice = &scene.lights.choice;
             if choice.is_empty() {
-                return radiance;
+                return Seen { radiance, light: radiance, density: F::zero() };
             }
             let drawn = density * F::from_fn(|lane| choice.sky_pmf(&at(lane)));
-            radiance * F::select(pdf.eq(F::zero()), F::one(), mis::power(pdf, drawn))
+            let light = radiance * F::select(pdf.eq(F::zero()), F::one(), mis::power(pdf, drawn));
+            Seen { radiance, light, density }
         }
     }
 }
 
-/// Adds what the paths in `rows` see of the sky; with `hidden`, camera rays see nothing of it.
+/// Adds what the path in a lane saw: to its pixel, or to what it leaves for others.
+#[inline]
+pub fn add<F: Real>(
+    tally: &mut Tally,
+    shares: bool,
+    (slot, sample): (u32, u32),
+    direction: V3<F>,
+    seen: &Seen<F>,
+    throughput: Rgb<F>,
+    lane: usize,
+) {
+    let light = (seen.light * throughput).lane(lane);
+    if shares && tally.reuse.awaits_far(slot, sample) {
+        let glimpse = Glimpse {
+            direction: direction.lane(lane),
+            radiance: seen.radiance.lane(lane),
+            density: seen.density.lane(lane),
+            alone: light,
+        };
+        tally.reuse.keep_sky(slot, sample, glimpse);
+    } else {
+        tally.add(slot, sample, light);
+    }
+}
+
+/// Adds what the paths in `rows` see of the sky; with `hidden`, camera rays see nothing of it. If it `shares`, what paths see from
+/// their near vertex is kept for others.
 pub fn sky(
     scene: &FlatScene,
     sky: &EnvironmentLight,
     rows: &[u32],
     hidden: bool,
+    shares: bool,
     paths: &PathQueue,
     tally: &mut Tally,
 ) -> Blocks {
@@ -52,10 +93,11 @@ pub fn sky(
             let i = index[lane];
             Receiver::new([paths.ox[i], paths.oy[i], paths.oz[i]], paths.side[i])
         };
-        let light = seen(scene, sky, direction, column(&paths.pdf), at) * throughput;
+        let seen = seen(scene, sky, direction, column(&paths.pdf), at);
         for (lane, &i) in index.iter().enumerate().take(rows.len()) {
             if !(hidden && paths.depth[i] == 0) {
-                tally.add(paths.slot[i], paths.sample[i], light.lane(lane));
+                let path = (paths.slot[i], paths.sample[i]);
+                add(tally, shares && paths.depth[i] == 1, path, direction, &seen, throughput, lane);
             }
         }
     }

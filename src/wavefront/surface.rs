@@ -51,6 +51,8 @@ pub struct Surface<F: Real> {
     pub ng: V3<F>,
     /// Shading frame on the side of `wo`.
     pub frame: Frame<F>,
+    /// Lanes whose shading normal was bent because of `wo`.
+    pub bent: u32,
     /// Where the ray came from, unit length.
     pub wo: V3<F>,
     /// `wo` in the shading frame; z above 0.
@@ -198,18 +200,24 @@ fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
 ///
 /// After Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", A.3.
 #[inline(always)]
-fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> V3<F> {
+fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
     let r = ns.scale_add(F::splat(2.0) * ns.dot(wo), -wo);
-    let least = (F::splat(0.1) * wo.dot(ng)).min(F::splat(0.01));
+    let least = least_mirror_height(wo.dot(ng));
     let height = r.dot(ng);
     let below = height.lt(least);
     // The mirror direction is the same for both signs of the normal; the one towards `wo` is meant.
     let ns = flip::<F>(ns.dot(wo).lt(F::zero()), ns);
     if !below.any() {
-        return ns;
+        return (ns, below);
     }
     let raised = ng.scale_add(least - height, r).normalize();
-    V3::select(below, (wo + raised).normalize(), ns)
+    (V3::select(below, (wo + raised).normalize(), ns), below)
+}
+
+/// The cosine to the geometric normal that the mirror direction of a `wo` of given cosine has at least.
+#[inline(always)]
+pub fn least_mirror_height<F: Real>(cos: F) -> F {
+    (F::splat(0.1) * cos).min(F::splat(0.01))
 }
 
 /// Makes surfaces of hits.
@@ -300,12 +308,14 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
 
     let mut params = gather_params(scene, hits, parts);
-    let mut bent = f.smooth;
+    let (mut mapped, mut bent) = (f.smooth, 0);
     if TEXTURED {
-        bent |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
+        mapped |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
     }
-    if bent != 0 {
-        ns = V3::select(F::Mask::from_bits(bent), valid_normal(ns, ng, wo), ns);
+    if mapped != 0 {
+        let (valid, below) = valid_normal(ns, ng, wo);
+        bent = mapped & below.bits();
+        ns = V3::select(F::Mask::from_bits(mapped), valid, ns);
     }
     let frame = Frame::new(ns);
     let mut wo_local = frame.to_local(wo);
@@ -324,7 +334,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         lifted = p + lift;
         is_lifted = lift.dot(ng).gt(ng.abs().dot(error) * F::splat(4.0));
     }
-    Surface { p, error, reach, lifted, is_lifted, ng, frame, wo, wo_local, params }
+    Surface { p, error, reach, lifted, is_lifted, ng, frame, bent, wo, wo_local, params }
 }
 
 #[inline(always)]

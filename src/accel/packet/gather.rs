@@ -2,7 +2,7 @@
 
 use wide::{f32x8, u32x8};
 
-use super::{Eight, Extremes, Packet, RAYS, VECTORS, hits::Hits};
+use super::{Eight, Extremes, Packet, hits::Hits};
 use crate::{
     accel::{
         Coverage, Rays,
@@ -12,13 +12,13 @@ use crate::{
     simd::LANES,
 };
 
-impl Packet {
+impl<const V: usize> Packet<V> {
     pub fn empty() -> Self {
         let zero = [f32x8::ZERO; 3];
         let sheared = Sheared { axes: Axis::ALL, shear: zero, from: zero };
         let hits = Hits::none(f32x8::ZERO);
         Self {
-            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits, ids: [0; LANES] }; VECTORS],
+            eights: [Eight { origin: zero, direction: zero, against: zero, sheared, hits, ids: [0; LANES] }; V],
             extremes: [Extremes { ahead: 0.0, slow: 0.0, behind: 0.0, fast: 0.0 }; 3],
             first: [Side::Lower; 3],
             last: [Side::Upper; 3],
@@ -32,19 +32,16 @@ impl Packet {
     #[inline(always)]
     pub fn gather<C: Coverage>(&mut self, rays: &impl Rays, start: usize) -> bool {
         let last = rays.count() - 1;
-        let mut columns = [[0.0; RAYS]; 7];
-        for lane in 0..RAYS {
+        let mut columns = [[[0.0; LANES]; V]; 7];
+        for lane in 0..V * LANES {
             let (origin, direction, t_max) = rays.ray((start + lane).min(last));
             let [ox, oy, oz] = origin;
             let [dx, dy, dz] = direction;
             for (column, value) in columns.iter_mut().zip([ox, oy, oz, dx, dy, dz, t_max]) {
-                column[lane] = value;
+                column[lane / LANES][lane % LANES] = value;
             }
         }
-        let vectors = |column: usize| -> [f32x8; VECTORS] {
-            let (eights, _) = columns[column].as_chunks();
-            std::array::from_fn(|vector| f32x8::new(eights[vector]))
-        };
+        let vectors = |column: usize| columns[column].map(f32x8::new);
         for (eight, t_max) in self.eights.iter_mut().zip(vectors(6)) {
             eight.hits = Hits::none(t_max);
         }
@@ -58,7 +55,7 @@ impl Packet {
 
     /// Becomes that of rays with the ends it has.
     #[inline(always)]
-    fn prepare(&mut self, origin: &[[f32x8; VECTORS]; 3], direction: &[[f32x8; VECTORS]; 3]) -> bool {
+    fn prepare(&mut self, origin: &[[f32x8; V]; 3], direction: &[[f32x8; V]; 3]) -> bool {
         // As in `Ray::new`; the axis has to be the same for all.
         let mut along = [0; 3];
         let [dx, dy, dz] = direction;
@@ -70,7 +67,7 @@ impl Packet {
             along[1] += is_y.count_ones();
             along[2] += (is_x | is_y ^ 255).count_ones() - is_x.count_ones();
         }
-        let Some(kz) = along.iter().position(|&rays| rays as usize == RAYS) else { return false };
+        let Some(kz) = along.iter().position(|&rays| rays as usize == V * LANES) else { return false };
         let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
         if direction[kz][0].to_array()[0] < 0.0 {
             std::mem::swap(&mut kx, &mut ky);
@@ -85,7 +82,7 @@ impl Packet {
             // Directions of both signs, or zero and not, would make intervals that are not bounded; what is not a number
             // makes none. Infinite starts are left to the queue as well.
             let together = lower > 0.0 || upper < 0.0;
-            let numbers = (0..VECTORS).all(|vector| {
+            let numbers = (0..V).all(|vector| {
                 let finite = origin[axis][vector].abs().simd_lt(f32x8::splat(f32::INFINITY));
                 (finite & inverse[axis][vector].simd_eq(inverse[axis][vector])).to_bitmask() & 255 == 255
             });
@@ -132,15 +129,15 @@ impl Packet {
 
 /// The least and the greatest of all lanes, if all are numbers.
 #[inline(always)]
-fn extremes([a, b, c, d]: &[f32x8; VECTORS]) -> (f32, f32) {
-    let least = across(a.fast_min(*b).fast_min(c.fast_min(*d)), |a, b| a.fast_min(b));
-    (least, greatest([*a, *b, *c, *d]))
+fn extremes<const V: usize>(of: &[f32x8; V]) -> (f32, f32) {
+    let least = of[1..].iter().fold(of[0], |least, &one| least.fast_min(one));
+    (across(least, |a, b| a.fast_min(b)), greatest(*of))
 }
 
 /// The greatest of all lanes.
 #[inline(always)]
-pub fn greatest([a, b, c, d]: [f32x8; VECTORS]) -> f32 {
-    across(a.fast_max(b).fast_max(c.fast_max(d)), |a, b| a.fast_max(b))
+pub fn greatest<const V: usize>(of: [f32x8; V]) -> f32 {
+    across(of[1..].iter().fold(of[0], |most, &one| most.fast_max(one)), |a, b| a.fast_max(b))
 }
 
 /// Puts eight numbers together by pairs.

@@ -8,6 +8,9 @@ use super::super::{
 };
 use crate::{flat::NONE, simd::LANES};
 
+/// End of a ray that has hit something, where it does not matter what: before its start, so that it meets no more.
+pub const STOPPED: f32 = -1.0;
+
 /// What eight rays have hit, and where they end: at the hit if there is one.
 #[derive(Clone, Copy, Debug)]
 pub struct Hits {
@@ -57,6 +60,15 @@ impl Hits {
         self.instance = bits.bitselect(u32x8::splat(instance), self.instance);
         self.triangle = bits.bitselect(u32x8::splat(triangle), self.triangle);
         hits.to_bitmask() & 255 != 0
+    }
+
+    /// Ends the rays that have met a triangle. True if there is any.
+    #[inline(always)]
+    pub fn stop(&mut self, met: &Met, (instance, _): (u32, u32)) -> bool {
+        let bits: u32x8 = bytemuck::cast(met.hits);
+        self.t_max = met.hits.bitselect(f32x8::splat(STOPPED), self.t_max);
+        self.instance = bits.bitselect(u32x8::splat(instance), self.instance);
+        met.hits.to_bitmask() & 255 != 0
     }
 
     /// Takes out of `hits` those of `ties` whose ray has hit a smaller (instance, triangle) at the same distance.

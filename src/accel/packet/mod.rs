@@ -32,19 +32,22 @@ use super::{
     triangle::{Axis, Ray, Side},
     two_level::{Accel, Hit, Part, SHAPE, nearest_in},
 };
-use crate::simd::{LANES, prefetch};
+use crate::{
+    flat::NONE,
+    simd::{LANES, prefetch},
+};
 
-/// Vectors of rays in a packet. Of 1, 2, 4 and 8, the last two are equally fast and a fifth faster than the first; the
-/// smaller of them leaves fewer rays to the queue where directions change their signs.
-const VECTORS: usize = 4;
-/// Rays in a packet.
-const RAYS: usize = VECTORS * LANES;
+/// Vectors of rays in a packet from the camera. Of 1, 2, 4 and 8, the last two are equally fast and a fifth faster than the
+/// first; the smaller of them leaves fewer rays to the queue where directions change their signs.
+const FROM_CAMERA: usize = 4;
+/// Vectors of rays in a packet of which it only matters whether anything is in their way: those come sixteen together.
+const IN_THE_WAY: usize = 2;
 /// Fewer rays than this go alone through an instance that is not where its mesh is: making a packet of its own for it
 /// costs about as much as that.
 const FEW: u32 = 4;
 
 /// A bit pattern for each ray of a packet: all ones or all zeros.
-type Mask = [f32x8; VECTORS];
+type Mask<const V: usize> = [f32x8; V];
 
 /// Eight of a packet's rays.
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +78,10 @@ struct Extremes {
     fast: f32,
 }
 
+/// So many times eight rays.
 #[derive(Clone, Debug)]
-struct Packet {
-    eights: [Eight; VECTORS],
+struct Packet<const V: usize> {
+    eights: [Eight; V],
     extremes: [Extremes; 3],
     first: [Side; 3],
     last: [Side; 3],
@@ -105,9 +109,10 @@ impl Stack {
 /// What a wave needs, kept for the next.
 #[derive(Debug)]
 struct Scratch {
-    packet: Packet,
-    /// The packet as the mesh of an instance sees it.
-    local: Packet,
+    /// A packet from the camera, and as the mesh of an instance sees it.
+    from_camera: [Packet<FROM_CAMERA>; 2],
+    /// The same of rays of which it only matters whether anything is in their way.
+    in_the_way: [Packet<IN_THE_WAY>; 2],
     top: Stack,
     mesh: Stack,
     /// For rays that go alone.
@@ -119,8 +124,8 @@ struct Scratch {
 impl Scratch {
     fn new() -> Box<Self> {
         Box::new(Self {
-            packet: Packet::empty(),
-            local: Packet::empty(),
+            from_camera: [Packet::empty(), Packet::empty()],
+            in_the_way: [Packet::empty(), Packet::empty()],
             top: Stack::new(),
             mesh: Stack::new(),
             alone: bvh8::Stack::default(),
@@ -134,11 +139,11 @@ thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-impl Packet {
+impl<const V: usize> Packet<V> {
     /// Nothing counts from now on beyond where all rays end.
     #[inline(always)]
     fn shorten(&mut self) {
-        let t_max = greatest(std::array::from_fn(|vector| self.eights[vector].hits.t_max));
+        let t_max = greatest::<V>(std::array::from_fn(|vector| self.eights[vector].hits.t_max));
         self.reach = t_max * (BEYOND / FAR_SCALE);
         self.limit = f32::mul_add(t_max, CULL, f32::MIN_POSITIVE);
     }
@@ -183,10 +188,10 @@ impl Packet {
         root: u32,
         stack: &mut Stack,
         counters: &mut C,
-        mut leaf: impl FnMut(&mut Self, u32, &Mask, &mut C),
+        mut leaf: impl FnMut(&mut Self, u32, &Mask<V>, &mut C),
     ) {
         if root & KIND != 0 {
-            leaf(self, root, &[f32x8::splat(f32::from_bits(u32::MAX)); VECTORS], counters);
+            leaf(self, root, &[f32x8::splat(f32::from_bits(u32::MAX)); V], counters);
             return;
         }
         let mut top = 0;
@@ -231,7 +236,7 @@ impl Packet {
                     }
                     continue;
                 }
-                let mut active = [f32x8::ZERO; VECTORS];
+                let mut active = [f32x8::ZERO; V];
                 for (active, eight) in active.iter_mut().zip(met) {
                     counters.node();
                     *active = eight;
@@ -243,12 +248,12 @@ impl Packet {
 
     /// Tests the triangles of a leaf.
     #[inline(always)]
-    fn test<C: Coverage, L: Leaf>(
+    fn test<const ANY: bool, C: Coverage, L: Leaf>(
         &mut self,
         block: &L,
         &World { accel, coverage }: &World<C>,
         instance: u32,
-        active: &Mask,
+        active: &Mask<V>,
         counters: &mut impl Counters,
     ) {
         let mut any = false;
@@ -278,7 +283,7 @@ impl Packet {
                         Opacity::Asked => met.hits = ask(&met, &eight.ids, name, coverage),
                     }
                 }
-                any |= eight.hits.take(&met, name);
+                any |= if ANY { eight.hits.stop(&met, name) } else { eight.hits.take(&met, name) };
             }
         }
         if any {
@@ -286,8 +291,8 @@ impl Packet {
         }
     }
 
-    /// Finds the nearest hits.
-    fn trace<C: Coverage>(
+    /// Finds the nearest hits, or with `ANY` some hit for each ray that has one.
+    fn trace<const ANY: bool, C: Coverage>(
         &mut self,
         world: &World<C>,
         local: &mut Self,
@@ -298,7 +303,7 @@ impl Packet {
         let accel = world.accel;
         if !accel.unbounded.is_empty() {
             for eight in &mut self.eights {
-                eight.one_by_one(255, |ray, t_max, best, id| {
+                eight.one_by_one::<ANY>(255, |ray, t_max, best, id| {
                     accel.meet_unbounded(ray, t_max, best, id, world.coverage);
                 });
             }
@@ -309,18 +314,18 @@ impl Packet {
             let part = accel.parts[(reference & !SHAPE) as usize];
             let instance = &accel.instances[part.instance as usize];
             if instance.identity && !instance.blas.is_shape() {
-                this.enter(world, part, active, mesh, counters);
+                this.enter::<ANY, C>(world, part, active, mesh, counters);
                 return;
             }
             let rays: u32 = active.iter().map(|eight| (eight.to_bitmask() & 255).count_ones()).sum();
             if rays >= FEW && !instance.blas.is_shape() && this.to_local(&instance.local_from_world, local) {
-                local.enter(world, part, active, mesh, counters);
+                local.enter::<ANY, C>(world, part, active, mesh, counters);
                 for (eight, local) in this.eights.iter_mut().zip(&local.eights) {
                     eight.hits = local.hits;
                 }
             } else {
                 for (eight, &active) in this.eights.iter_mut().zip(active) {
-                    eight.one_by_one(active.to_bitmask() & 255, |ray, t_max, best, id| {
+                    eight.one_by_one::<ANY>(active.to_bitmask() & 255, |ray, t_max, best, id| {
                         nearest_in(accel, instance, part, ray, t_max, best, id, world.coverage, alone);
                     });
                 }
@@ -331,11 +336,11 @@ impl Packet {
 
     /// Goes through a part of an instance, with rays as its mesh sees them.
     #[inline(never)]
-    fn enter<C: Coverage>(
+    fn enter<const ANY: bool, C: Coverage>(
         &mut self,
         world: &World<C>,
         part: Part,
-        among: &Mask,
+        among: &Mask<V>,
         stack: &mut Stack,
         counters: &mut impl Counters,
     ) {
@@ -344,9 +349,9 @@ impl Packet {
             let active = std::array::from_fn(|vector| active[vector] & among[vector]);
             let place = reference & !(KIND | QUAD);
             if reference & QUAD == 0 {
-                this.test(TriangleBlock::at(arena, place), world, part.instance, &active, counters);
+                this.test::<ANY, C, _>(TriangleBlock::at(arena, place), world, part.instance, &active, counters);
             } else {
-                this.test(TriangleQuad::at(arena, place), world, part.instance, &active, counters);
+                this.test::<ANY, C, _>(TriangleQuad::at(arena, place), world, part.instance, &active, counters);
             }
         });
     }
@@ -363,7 +368,7 @@ impl Packet {
 impl Eight {
     /// Calls `meet` for the rays in `lanes`, one by one, with where each ends, what it has hit, and its name.
     #[cold]
-    fn one_by_one(&mut self, mut lanes: u32, mut meet: impl FnMut(&Ray, &mut f32, &mut Hit, u32)) {
+    fn one_by_one<const ANY: bool>(&mut self, mut lanes: u32, mut meet: impl FnMut(&Ray, &mut f32, &mut Hit, u32)) {
         let [origin, direction] = [self.origin, self.direction].map(|of| of.map(f32x8::to_array));
         let mut hits = self.hits.each();
         let mut t_max = self.hits.t_max.to_array();
@@ -372,6 +377,13 @@ impl Eight {
             lanes &= lanes - 1;
             let ray = Ray::new(origin.map(|of| of[lane]), direction.map(|of| of[lane]));
             meet(&ray, &mut t_max[lane], &mut hits[lane], self.ids[lane]);
+        }
+        if ANY {
+            t_max
+                .iter_mut()
+                .zip(&hits)
+                .filter(|(_, hit)| hit.instance != NONE)
+                .for_each(|(end, _)| *end = hits::STOPPED);
         }
         self.hits = Hits::of(t_max, &hits);
     }
@@ -420,24 +432,46 @@ impl<R: Rays> Rays for Rest<'_, R> {
 }
 
 /// As [`queue::trace`], for rays of which those from [`Rays::coherent_from`] on run side by side.
-pub(super) fn trace<C: Coverage>(
+pub(super) fn trace<const ANY: bool, C: Coverage>(
     accel: &Accel,
     rays: &impl Rays,
     coverage: &C,
     counters: &mut impl Counters,
     mut done: impl FnMut(usize, &Hit),
 ) {
-    let (before, count) = (rays.coherent_from(), rays.count());
     let mut kept = SCRATCH.take().unwrap_or_else(Scratch::new);
-    let Scratch { packet, local, top, mesh, alone, after } = &mut *kept;
+    let Scratch { from_camera, in_the_way, top, mesh, alone, after } = &mut *kept;
     after.clear();
     let world = World { accel, coverage };
-    for start in (before..count).step_by(RAYS) {
-        let rows = start..count.min(start + RAYS);
+    if ANY {
+        trace_packets::<IN_THE_WAY, ANY, C>(&world, rays, in_the_way, (top, mesh), alone, after, counters, &mut done);
+    } else {
+        trace_packets::<FROM_CAMERA, ANY, C>(&world, rays, from_camera, (top, mesh), alone, after, counters, &mut done);
+    }
+    let rest = Rest { rays, before: rays.coherent_from(), after };
+    queue::trace::<ANY, C>(accel, &rest, coverage, counters, |index, hit| done(rest.row(index), hit));
+    SCRATCH.set(Some(kept));
+}
+
+/// Traces the rays that run side by side, and leaves the others in `after`.
+#[inline(always)]
+fn trace_packets<const V: usize, const ANY: bool, C: Coverage>(
+    world: &World<C>,
+    rays: &impl Rays,
+    [packet, local]: &mut [Packet<V>; 2],
+    (top, mesh): (&mut Stack, &mut Stack),
+    alone: &mut bvh8::Stack,
+    after: &mut Vec<u32>,
+    counters: &mut impl Counters,
+    done: &mut impl FnMut(usize, &Hit),
+) {
+    let count = rays.count();
+    for start in (rays.coherent_from()..count).step_by(V * LANES) {
+        let rows = start..count.min(start + V * LANES);
         if packet.gather::<C>(rays, start) {
             #[cfg(test)]
             tests::TOGETHER.set(tests::TOGETHER.get() + rows.len() as u64);
-            packet.trace(&world, local, (top, mesh), alone, counters);
+            packet.trace::<ANY, C>(world, local, (top, mesh), alone, counters);
             packet.report(|lane, hit| {
                 if start + lane < rows.end {
                     done(start + lane, hit);
@@ -447,9 +481,6 @@ pub(super) fn trace<C: Coverage>(
             after.extend(rows.map(|row| row as u32));
         }
     }
-    let rest = Rest { rays, before, after };
-    queue::trace::<false, C>(accel, &rest, coverage, counters, |index, hit| done(rest.row(index), hit));
-    SCRATCH.set(Some(kept));
 }
 
 #[cfg(test)]

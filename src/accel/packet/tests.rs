@@ -114,11 +114,21 @@ fn check<C: Coverage>(accel: &Accel, wave: &Wave, from: usize, coverage: &C) -> 
     for index in 0..wave.count() {
         assert_eq!(bits(&got[index]), bits(&want[index]), "ray {index}: {:?}", wave.ray(index));
     }
+    let mut dark = vec![None; wave.count()];
+    accel.occluded_of(&From(wave, from), coverage, |index, occluded| {
+        assert!(dark[index].replace(occluded).is_none(), "twice");
+    });
+    for (index, hit) in want.iter().enumerate() {
+        assert_eq!(dark[index], hit.map(|hit| hit != NO_HIT), "ray {index}: {:?}", wave.ray(index));
+    }
     want.iter().flatten().filter(|hit| **hit != NO_HIT).count()
 }
 
+/// Rays of a packet.
+const RAYS: usize = FROM_CAMERA * LANES;
+
 fn packets(rays: &impl Rays) -> usize {
-    (0..rays.count()).step_by(RAYS).filter(|&start| Packet::empty().gather::<Solid>(rays, start)).count()
+    (0..rays.count()).step_by(RAYS).filter(|&start| Packet::<FROM_CAMERA>::empty().gather::<Solid>(rays, start)).count()
 }
 
 const EYES: [[f32; 3]; 4] = [[-6.0, 4.0, -9.0], [2.5, 2.0, 2.6], [11.0, 7.5, 1.0], [1.0, -9.0, 3.0]];
@@ -218,7 +228,7 @@ fn bounds_hold_for_every_ray() {
     let mut tight = 0;
     for rays in EYES.map(|eye| Wave(tiles(eye, 64, 0.7))).into_iter().chain([Wave(orthographic(0, 1.0))]) {
         for start in (0..rays.count()).step_by(RAYS) {
-            let mut packet = Packet::empty();
+            let mut packet = Packet::<FROM_CAMERA>::empty();
             if !packet.gather::<Solid>(&rays, start) {
                 continue;
             }

@@ -1,0 +1,456 @@
+//! Joins the near vertices of neighbouring pixels with the far vertices that any of their paths found.
+//!
+//! With xᵢ the near vertices of a group, yⱼ the far ones and p(y | x) the density, per area, with which a path leaves x for y,
+//! pixel i gets from each far vertex that it sees
+//!
+//! ```text
+//! f(xᵢ → yⱼ) G(xᵢ, yⱼ) L(yⱼ → xᵢ) / Σₖ V(xₖ, yⱼ) p(yⱼ | xₖ)
+//! ```
+//!
+//! which is the balance heuristic (Veach and Guibas 1995) between the group's paths, each of which might have found yⱼ: an
+//! unbiased estimate for every pixel, and never above what the pixel's own path would have counted for the same vertex. L was
+//! estimated as yⱼ's own path saw it; where the far surface is not Lambertian, what came from each of the two directions that
+//! the path looked in is scaled by the BSDF's value there.
+//!
+//! A pair that fails a test (a normal, a distance, the shadow ray) is no pair for any of the uses above. If it is a path's own
+//! pair, its light goes to its own pixel as if there were no others.
+
+use std::array;
+
+use wide::f32x8;
+
+use super::{
+    Job,
+    queues::{LinkBlock, LinkQueue},
+    reuse::{Far, Glimpse, KINDS, Near, Reuse, Vertex, stage},
+    shade::BEFORE_LIGHT,
+    stats::Counters,
+    surface::least_mirror_height,
+    tally::Tally,
+};
+use crate::{
+    accel::{Coverage, Rays},
+    bsdf::{Bsdf, Opaque, Params},
+    film::BLOCK,
+    sampling::mis,
+    simd::{Frame, LANES, Mask, Real, Rgb, V3},
+};
+
+/// Edge of the squares of pixels that are cut into groups.
+const SQUARE: u32 = BLOCK;
+/// Paths of a group: sixteen shadow rays for each path cost about as much as the path.
+const GROUP: usize = 16;
+/// Groups of a square.
+const GROUPS: usize = (SQUARE * SQUARE) as usize / GROUP;
+/// Blocks of near vertices.
+const BLOCKS: usize = GROUP / LANES;
+
+/// A far vertex and a block of near ones.
+#[derive(Clone, Copy, Debug)]
+struct Pairs {
+    /// What the pixels get over the sum of densities, nit/m².
+    light: Rgb<f32x8>,
+    /// Density per area of the near vertices' finding the far one, 1/m².
+    density: f32x8,
+    /// Pairs that stand; after the shadow rays, those that see each other.
+    lanes: u32,
+}
+
+const NO_PAIRS: Pairs =
+    Pairs { light: V3 { x: f32x8::ZERO, y: f32x8::ZERO, z: f32x8::ZERO }, density: f32x8::ZERO, lanes: 0 };
+
+/// Paths of one sample in pixels near one another.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    sample: u32,
+    slots: [u32; GROUP],
+    count: usize,
+}
+
+/// Memory of the stage.
+#[derive(Clone, Debug, Default)]
+pub struct Joiner {
+    links: LinkQueue,
+    groups: Vec<Group>,
+    /// The far vertices that links lead to, sixteen links each.
+    fars: Vec<u32>,
+    /// By group, find and block.
+    pairs: Vec<[[Pairs; BLOCKS]; FINDS]>,
+    /// Lanes of the pairs that see each other.
+    seen: Vec<[[u32; BLOCKS]; FINDS]>,
+    /// By slot and kind, what pixels would get more without sharing, nit; where that is asked for.
+    pub measured: Option<Vec<[[f64; 3]; KINDS]>>,
+    /// Shadow rays so far.
+    pub links_by_kind: [u64; KINDS],
+}
+
+/// Finds of a group.
+const FINDS: usize = 2 * GROUP;
+/// Groups that are joined at a time.
+const BATCH: usize = 8;
+
+impl Joiner {
+    /// Joins the paths of a tile for samples `from..to`, and adds the light to the tile's pixels.
+    pub fn join<C: Coverage>(
+        &mut self,
+        job: &Job,
+        coverage: &C,
+        [x0, y0, width, height]: [u32; 4],
+        from: u32,
+        to: u32,
+        tally: &mut Tally,
+        counters: &mut Counters,
+    ) {
+        self.links.make_room(BATCH * FINDS * GROUP);
+        self.groups.reserve(BATCH);
+        self.fars.reserve(BATCH * FINDS);
+        self.pairs.resize(BATCH, [[NO_PAIRS; BLOCKS]; FINDS]);
+        self.seen.resize(BATCH, [[0; BLOCKS]; FINDS]);
+        self.groups.clear();
+        let first = |at: u32| at / SQUARE * SQUARE;
+        for sample in from..to {
+            for y in (first(y0)..y0 + height).step_by(SQUARE as usize) {
+                for x in (first(x0)..x0 + width).step_by(SQUARE as usize) {
+                    for number in 0..GROUPS {
+                        let mut group = Group { sample, slots: [0; GROUP], count: 0 };
+                        for member in 0..GROUP {
+                            let (dx, dy) = place(sample, number, member);
+                            let (x, y) = (x + dx, y + dy);
+                            if x >= x0 && y >= y0 && x < x0 + width && y < y0 + height {
+                                group.slots[group.count] = (y - y0) * width + x - x0;
+                                group.count += 1;
+                            }
+                        }
+                        self.add(&group, tally);
+                        if self.groups.len() == BATCH {
+                            self.flush(job, coverage, tally, counters);
+                        }
+                    }
+                }
+            }
+        }
+        self.flush(job, coverage, tally, counters);
+    }
+
+    /// Makes the pairs of a group.
+    fn add(&mut self, group: &Group, tally: &Tally) {
+        let reuse = &tally.reuse;
+        let row = |member: usize| reuse.row(group.slots[member], group.sample);
+        if !(0..group.count).any(|member| Find::ALL.iter().any(|find| find.is_in(reuse, row(member)))) {
+            return;
+        }
+        let index = self.groups.len();
+        let mut near: [Option<NearBlock>; BLOCKS] = [const { None }; BLOCKS];
+        for (block, near) in near.iter_mut().enumerate() {
+            let member = |lane: usize| (block * LANES + lane).min(group.count - 1);
+            let mut lanes = 0;
+            for lane in 0..LANES.min(group.count.saturating_sub(block * LANES)) {
+                lanes |= u32::from(reuse.stage[row(member(lane))] & stage::NEAR != 0) << lane;
+            }
+            if lanes != 0 {
+                *near = Some(NearBlock::new(lanes, |lane| &reuse.near[row(member(lane))]));
+            }
+        }
+        let pairs = &mut self.pairs[index];
+        for j in 0..group.count {
+            let row = row(j);
+            let start = || near[j / LANES].as_ref().map_or([0.0; 3], |near| near.p.lane(j % LANES));
+            for find in Find::ALL {
+                if !find.is_in(reuse, row) {
+                    continue;
+                }
+                let place = find.place(j);
+                for (pairs, near) in pairs[place].iter_mut().zip(&near) {
+                    *pairs = near.as_ref().map_or(NO_PAIRS, |near| match find {
+                        Find::Surface => near.pairs(&reuse.far[row], &reuse.light[row]),
+                        Find::Sky => near.glimpses::<false>(&reuse.glimpses[0][row]),
+                        Find::Lit => near.glimpses::<true>(&reuse.glimpses[1][row]),
+                    });
+                }
+                // A pair that does not stand for the path's own near vertex leaves nothing to the others.
+                if pairs[place][j / LANES].lanes >> (j % LANES) & 1 == 1 {
+                    for (pairs, near) in pairs[place].iter().zip(&near) {
+                        let links = match find {
+                            Find::Surface => links(near.as_ref(), start(), reuse.far[row].end, pairs.lanes),
+                            Find::Sky => rays(near.as_ref(), start(), reuse.glimpses[0][row].direction, pairs.lanes),
+                            Find::Lit => rays(near.as_ref(), start(), reuse.glimpses[1][row].direction, pairs.lanes),
+                        };
+                        self.links.put(&links, 0xff);
+                    }
+                    self.fars.push((index * FINDS + place) as u32);
+                    self.links_by_kind[find as usize] += GROUP as u64;
+                }
+            }
+        }
+        self.groups.push(*group);
+    }
+
+    /// Traces the shadow rays of the groups at hand and adds what arrives.
+    fn flush<C: Coverage>(&mut self, job: &Job, coverage: &C, tally: &mut Tally, counters: &mut Counters) {
+        let Self { links, groups, fars, pairs, seen, measured, .. } = self;
+        counters.rays.shadow += links.len() as u64;
+        for (pairs, seen) in pairs.iter().zip(seen.iter_mut()) {
+            *seen = array::from_fn(|place| pairs[place].map(|pairs| pairs.lanes));
+        }
+        job.scene.accel.occluded_of(links, coverage, |row, occluded| {
+            if occluded {
+                let (far, lane) = (fars[row / GROUP] as usize, row % GROUP);
+                seen[far / FINDS][far % FINDS][lane / LANES] &= !(1 << (lane % LANES));
+            }
+        });
+        links.rewind();
+        fars.clear();
+        for ((group, pairs), seen) in groups.drain(..).zip(pairs).zip(seen) {
+            let mut sums = [[V3::<f32x8>::splat(0.0); BLOCKS]; KINDS];
+            for j in 0..group.count {
+                let (slot, row) = (group.slots[j], tally.reuse.row(group.slots[j], group.sample));
+                for find in Find::ALL {
+                    if !find.is_in(&tally.reuse, row) {
+                        continue;
+                    }
+                    let (pairs, seen) = (&pairs[find.place(j)], seen[find.place(j)]);
+                    let own = |lanes: [u32; BLOCKS]| lanes[j / LANES] >> (j % LANES) & 1 == 1;
+                    let standing = pairs.map(|pairs| pairs.lanes);
+                    // What a light sample finds is not known before the shadow ray, so that none of its paths depends on that.
+                    let candidates = if find == Find::Lit { standing } else { seen };
+                    if !own(candidates) {
+                        tally.add(slot, group.sample, find.alone(&tally.reuse, row));
+                        continue;
+                    }
+                    let mut density = 0.0;
+                    for (pairs, lanes) in pairs.iter().zip(candidates) {
+                        density +=
+                            Real::masked(pairs.density, Mask::from_bits(lanes)).to_array().into_iter().sum::<f32>();
+                    }
+                    let scale = f32x8::splat(1.0 / density);
+                    for ((sum, pairs), lanes) in sums[find as usize].iter_mut().zip(pairs).zip(seen) {
+                        *sum = *sum + (pairs.light * scale).masked(Mask::from_bits(lanes));
+                    }
+                    if let Some(measured) = measured
+                        && own(seen)
+                    {
+                        let (pairs, lane) = (&pairs[j / LANES], j % LANES);
+                        let (light, density) = (pairs.light.lane(lane), pairs.density.lane(lane));
+                        (0..3).for_each(|i| measured[slot as usize][find as usize][i] += f64::from(light[i] / density));
+                    }
+                }
+            }
+            for (member, &slot) in group.slots.iter().enumerate().take(group.count) {
+                let got = sums.map(|sums| sums[member / LANES].lane(member % LANES));
+                tally.add(slot, group.sample, array::from_fn(|i| got.iter().map(|kind| kind[i]).sum()));
+                if let Some(measured) = measured {
+                    for (more, got) in measured[slot as usize].iter_mut().zip(got) {
+                        (0..3).for_each(|i| more[i] -= f64::from(got[i]));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What a path may have found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Find {
+    /// A far vertex.
+    Surface,
+    /// The sky, by a scattered ray.
+    Sky,
+    /// The sky, by a light sample.
+    Lit,
+}
+
+impl Find {
+    const ALL: [Self; 3] = [Self::Surface, Self::Sky, Self::Lit];
+
+    /// Whether the path in a row found it, and light with it.
+    #[inline(always)]
+    fn is_in(self, reuse: &Reuse, row: usize) -> bool {
+        let stage = reuse.stage[row];
+        match self {
+            Self::Surface => stage & stage::FAR != 0 && reuse.light[row] != [[0.0; 3]; 2],
+            Self::Sky => stage & stage::SKY != 0,
+            Self::Lit => stage & stage::LIT != 0,
+        }
+    }
+
+    /// Its place among the finds of a group: a ray finds a surface or the sky.
+    #[inline(always)]
+    fn place(self, member: usize) -> usize {
+        if self == Self::Lit { GROUP + member } else { member }
+    }
+
+    /// What the path's own pixel gets if nobody else does, nit.
+    fn alone(self, reuse: &Reuse, row: usize) -> [f32; 3] {
+        match self {
+            Self::Surface => {
+                let (Far { weight, .. }, [first, later]) = (&reuse.far[row], reuse.light[row]);
+                array::from_fn(|i| weight[i] * (first[i] + later[i]))
+            }
+            Self::Sky => reuse.glimpses[0][row].alone,
+            Self::Lit => reuse.glimpses[1][row].alone,
+        }
+    }
+}
+
+/// The pixel of a member in a square of pixels: sixteen side by side, or every second one of each row, or pairs, by turns, so
+/// that what the members share does not show as squares.
+fn place(sample: u32, group: usize, member: usize) -> (u32, u32) {
+    // The group has one bit of each coordinate, the member the other two.
+    let bit = [2, 0, 1][sample as usize % 3];
+    let spread = |two: usize, one: usize| {
+        let low = two & ((1 << bit) - 1);
+        ((two >> bit) << (bit + 1) | one << bit | low) as u32
+    };
+    (spread(member & 3, group & 1), spread(member >> 2, group >> 1))
+}
+
+/// Eight near vertices.
+struct NearBlock {
+    lanes: u32,
+    p: V3<f32x8>,
+    clear: f32x8,
+    ng: V3<f32x8>,
+    frame: Frame<f32x8>,
+    throughput: Rgb<f32x8>,
+    sky_pmf: f32x8,
+    bsdf: <Opaque as Bsdf>::Prepared<f32x8>,
+}
+
+impl NearBlock {
+    fn new<'a>(lanes: u32, near: impl Fn(usize) -> &'a Near) -> Self {
+        let ns: V3<f32x8> = V3::from_fn(|lane| near(lane).at.ns);
+        let frame = Frame::new(ns);
+        let mut wo = frame.to_local(V3::from_fn(|lane| near(lane).wo));
+        wo.z = Real::max(wo.z, f32x8::splat(1e-6));
+        Self {
+            lanes,
+            p: V3::from_fn(|lane| near(lane).at.p),
+            clear: f32x8::from_fn(|lane| near(lane).at.clear),
+            ng: V3::from_fn(|lane| near(lane).at.ng),
+            frame,
+            throughput: V3::from_fn(|lane| near(lane).throughput),
+            sky_pmf: f32x8::from_fn(|lane| near(lane).sky_pmf),
+            bsdf: Opaque::prepare(&params(|lane| &near(lane).at), wo),
+        }
+    }
+
+    /// What the eight pixels get from a far vertex that reflects `light`.
+    #[inline(always)]
+    fn pairs(&self, far: &Far, light: &[[f32; 3]; 2]) -> Pairs {
+        let y = &far.at;
+        let (ng, ns) = (V3::from_array(y.ng), V3::from_array(y.ns));
+        let way = V3::from_array(y.p) - self.p;
+        let distance2 = way.length_squared();
+        let clear = self.clear + f32x8::splat(y.clear);
+        let apart = Real::gt(distance2, clear * clear);
+        let wi = way * (f32x8::ONE / Real::select(apart, distance2, f32x8::ONE).sqrt());
+        let local = self.frame.to_local(wi);
+        let zero = f32x8::ZERO;
+        let (back, cos) = (-wi, -wi.dot(ng));
+        let shading_cos = back.dot(ns);
+        // Where the shading normal would have to be bent, the far surface is another one for this near vertex.
+        let mirrored = ns.scale_add(shading_cos + shading_cos, wi).dot(ng);
+        let mut stands = apart & Real::gt(local.z, zero) & Real::gt(wi.dot(self.ng), zero);
+        stands = stands & Real::gt(cos, zero) & Real::gt(shading_cos, zero);
+        stands = stands & Real::ge(mirrored, least_mirror_height(cos));
+        let (f, pdf) = Opaque::eval(&self.bsdf, local);
+        let geometry = cos / Real::select(apart, distance2, f32x8::ONE);
+        let density = pdf * geometry;
+        stands = stands & Real::gt(density, f32x8::splat(f32::MIN_POSITIVE));
+        let [first, later] = light.map(V3::<f32x8>::from_array);
+        let light = if y.is_lambert() {
+            first + later
+        } else {
+            let frame = Frame::new(ns);
+            let bsdf = Opaque::prepare(&params(|_| y), frame.to_local(back));
+            let scaled = |light: V3<f32x8>, towards: [f32; 3], f_own: [f32; 3]| {
+                let (f, _) = Opaque::eval(&bsdf, frame.to_local(V3::from_array(towards)));
+                let inverse = V3::from_array(f_own.map(|f| if f > 0.0 { 1.0 / f } else { 0.0 }));
+                light * f * inverse
+            };
+            scaled(first, far.to_light, far.f_light) + scaled(later, far.to_next, far.f_next)
+        };
+        let light = self.throughput * f * light * geometry;
+        Pairs { light, density, lanes: self.lanes & stands.bits() }
+    }
+
+    /// What the eight pixels get from a direction in which one of them saw the sky, or with `SAMPLED` looked for it. The densities
+    /// are per solid angle.
+    #[inline(always)]
+    fn glimpses<const SAMPLED: bool>(&self, glimpse: &Glimpse) -> Pairs {
+        let zero = f32x8::ZERO;
+        let wi = V3::from_array(glimpse.direction);
+        let local = self.frame.to_local(wi);
+        let (f, scattered) = Opaque::eval(&self.bsdf, local);
+        let sampled = self.sky_pmf * f32x8::splat(glimpse.density);
+        let (density, other) = if SAMPLED { (sampled, scattered) } else { (scattered, sampled) };
+        let weight = mis::power(density, other);
+        let stands = Real::gt(local.z, zero) & Real::gt(wi.dot(self.ng), zero) & Real::gt(density, zero);
+        let light = self.throughput * f * V3::from_array(glimpse.radiance) * weight;
+        Pairs { light, density, lanes: self.lanes & stands.bits() }
+    }
+}
+
+/// Shadow rays of the near vertices in `lanes` to a far one; the other lanes repeat the one from `own`.
+#[inline(always)]
+fn links(near: Option<&NearBlock>, own: [f32; 3], end: [f32; 3], lanes: u32) -> LinkBlock {
+    let start = starts(near, own, lanes);
+    block(start, V3::from_array(end) - start, BEFORE_LIGHT)
+}
+
+/// The same to the sky.
+#[inline(always)]
+fn rays(near: Option<&NearBlock>, own: [f32; 3], direction: [f32; 3], lanes: u32) -> LinkBlock {
+    block(starts(near, own, lanes), V3::from_array(direction), f32::INFINITY)
+}
+
+#[inline(always)]
+fn starts(near: Option<&NearBlock>, own: [f32; 3], lanes: u32) -> V3<f32x8> {
+    let own = V3::from_array(own);
+    near.map_or(own, |near| V3::select(Mask::from_bits(lanes), near.p, own))
+}
+
+#[inline(always)]
+fn block(start: V3<f32x8>, way: V3<f32x8>, t_max: f32) -> LinkBlock {
+    LinkBlock {
+        ox: start.x.to_array(),
+        oy: start.y.to_array(),
+        oz: start.z.to_array(),
+        dx: way.x.to_array(),
+        dy: way.y.to_array(),
+        dz: way.z.to_array(),
+        t_max: [t_max; LANES],
+    }
+}
+
+fn params<'a>(vertex: impl Fn(usize) -> &'a Vertex) -> Params<f32x8> {
+    let number = |f: fn(&Vertex) -> f32| <f32x8 as Real>::from_fn(|lane| f(vertex(lane)));
+    Params {
+        metallic: number(|v| v.metallic),
+        alpha: number(|v| v.alpha),
+        specular: number(|v| v.specular),
+        specular_color: V3::from_fn(|lane| vertex(lane).specular_color),
+        ior: number(|v| v.ior),
+        ..Params::lambert(V3::from_fn(|lane| vertex(lane).base_color))
+    }
+}
+
+impl Rays for LinkQueue {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    #[inline(always)]
+    fn ray(&self, i: usize) -> ([f32; 3], [f32; 3], f32) {
+        ([self.ox[i], self.oy[i], self.oz[i]], [self.dx[i], self.dy[i], self.dz[i]], self.t_max[i])
+    }
+
+    #[inline(always)]
+    fn id(&self, _: usize) -> u32 {
+        0
+    }
+
+    fn coherent_from(&self) -> usize {
+        0
+    }
+}

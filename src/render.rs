@@ -27,6 +27,18 @@ pub enum PixelFilter {
     Box,
 }
 
+/// Whether neighbouring pixels share the light that their paths find. Their errors are then alike, and smaller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sharing {
+    /// Each pixel has its own paths alone.
+    Off,
+    /// What a look at parts of the picture finds worth its price.
+    #[default]
+    WherePays,
+    /// All that can be shared.
+    Always,
+}
+
 /// A layer beside the beauty picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerKind {
@@ -73,8 +85,8 @@ pub struct RenderSettings {
     pub filter: PixelFilter,
     /// Lift the origins of rays towards the smooth surface (Hanika 2021).
     pub terminator_fix: bool,
-    /// Let neighbouring pixels share the light that their paths find. Their errors are then alike, and much smaller.
-    pub reuse: bool,
+    /// Whether neighbouring pixels share the light that their paths find.
+    pub sharing: Sharing,
     /// Alpha 0 where the background shows, and no background light there.
     pub transparent: bool,
     /// Layers beside the beauty picture.
@@ -104,7 +116,7 @@ impl Default for RenderSettings {
             sampler: SamplerKind::default(),
             filter: PixelFilter::default(),
             terminator_fix: true,
-            reuse: true,
+            sharing: Sharing::default(),
             transparent: false,
             layers: Vec::new(),
             wave_size: 2048,

@@ -11,7 +11,7 @@ use wavecast::{
     film::{self, Exposure, Format},
     flat::CameraView,
     load::{self, CameraInfo, LoadOptions},
-    render::{RenderSettings, Renderer},
+    render::{RenderSettings, Renderer, Sharing},
     world::{Camera, Environment, Name, Scene, SceneKey, Sky},
 };
 
@@ -303,7 +303,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         sampler: args.sampler.into(),
         filter: args.filter.into(),
         terminator_fix: !args.no_terminator_fix,
-        reuse: !args.no_reuse,
+        sharing: if args.no_reuse { Sharing::Off } else { Sharing::WherePays },
         transparent: args.transparent,
         layers,
         wave_size: args.wave_size,

@@ -6,7 +6,7 @@
 //!                └───────────────────── bounce ◀───────────────────┴▶ Reuse ─▶ LinkQueue ─▶ join ┘
 //! ```
 //!
-//! `join` runs once when all paths of a tile's samples have ended, and only where the [`pilot`] found that it pays.
+//! `join` runs once when all paths of a tile's samples have ended, and only where the pilot found that it pays.
 //!
 //! In flow a [`FlatScene`] and settings; out flow tile sums. A stage is a free function
 //! over queues, and knows no other; this module alone knows their order, and which of
@@ -70,7 +70,7 @@ use crate::{
     bsdf::{Lambert, Opaque, Transmissive},
     film::{Tile, Unit},
     flat::{FlatScene, NONE, SceneNeeds, ShadingClass},
-    render::{LayerKind, RenderSettings},
+    render::{LayerKind, RenderSettings, Sharing},
     sampling::{FilterTable, Sampler},
     simd::LANES,
 };
@@ -155,7 +155,7 @@ impl<'a> Job<'a> {
 /// What can be shared in a scene.
 fn shares(scene: &FlatScene, settings: &RenderSettings) -> Shares {
     // Where rays are stopped at random, two vertices see each other only in part.
-    if !settings.reuse || scene.needs.has(SceneNeeds::ALPHA) {
+    if settings.sharing == Sharing::Off || scene.needs.has(SceneNeeds::ALPHA) {
         return Shares::default();
     }
     let scatterings = settings.max_depth.unwrap_or(u32::MAX);

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     film::{BLOCK, Film},
-    render::RenderSettings,
+    render::{RenderSettings, Sharing},
 };
 
 /// Squares that are looked at: enough to tell, few enough to cost some hundredths of a second.
@@ -44,7 +44,7 @@ struct Square {
 
 /// The kinds of finds that are worth sharing in a picture.
 pub fn plan(job: &Job, settings: &RenderSettings) -> Shares {
-    if !job.settings.shares.any() {
+    if !job.settings.shares.any() || settings.sharing == Sharing::Always {
         return job.settings.shares;
     }
     let [columns, rows] = [settings.width, settings.height].map(|edge| edge.div_ceil(BLOCK));

@@ -1,6 +1,6 @@
 //! The same scene, settings and seed give the same bits, however the work is cut.
 
-use wavecast::render::{RenderSettings, Renderer, SamplerKind};
+use wavecast::render::{RenderSettings, Renderer, SamplerKind, Sharing};
 
 use crate::common::{settings, varied};
 
@@ -9,7 +9,7 @@ use crate::common::{settings, varied};
 fn threads_tiles_and_waves_do_not_change_a_bit() {
     let mut renderer = Renderer::new();
     renderer.sync(&mut varied());
-    let base = settings(48, 6);
+    let base = RenderSettings { sharing: Sharing::Always, ..settings(48, 6) };
     let want = renderer.render(&base, &()).picture;
     assert!(want.rgb.iter().any(|rgb| rgb[0] > 0.0));
     let variants = [
@@ -49,7 +49,7 @@ fn a_fresh_renderer_makes_the_same_picture() {
 fn a_pixel_does_not_know_what_else_is_rendered() {
     let mut renderer = Renderer::new();
     renderer.sync(&mut varied());
-    let base = settings(40, 8);
+    let base = RenderSettings { sharing: Sharing::Always, ..settings(40, 8) };
     let whole = renderer.render(&base, &()).picture;
     let range = RenderSettings { spp: None, samples: Some(0..8), ..base.clone() };
     assert!(renderer.render(&range, &()).picture == whole);

@@ -4,7 +4,7 @@ use std::{f64::consts::TAU, sync::Arc};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use wavecast::{
-    render::RenderSettings,
+    render::{RenderSettings, Sharing},
     world::{
         AlphaMode, Camera, DirectionalLight, Environment, EnvironmentMap, Filter, Geometry, Image, LocalTransform,
         Material, MaterialSlots, PointLight, Projection, Scene, Sky, SpotLight, Texels, Texture, TriMesh, UvTransform,
@@ -325,5 +325,5 @@ pub fn rim() -> Scene {
 
 /// The settings shared by all: what differs is set by the test.
 pub fn settings() -> RenderSettings {
-    RenderSettings { width: 16, height: 16, tile_size: 8, ..RenderSettings::default() }
+    RenderSettings { width: 16, height: 16, tile_size: 8, sharing: Sharing::Always, ..RenderSettings::default() }
 }

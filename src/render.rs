@@ -3,7 +3,13 @@
 use std::{ops::Range, time::Duration};
 
 pub use crate::accel::{AccelKind, Quality};
-use crate::{film::Picture, flat::FlatScene, systems::Systems, wavefront, world::Scene};
+use crate::{
+    film::{Picture, PictureError},
+    flat::FlatScene,
+    systems::Systems,
+    wavefront,
+    world::Scene,
+};
 
 /// Where numbers in [0, 1) come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,7 +79,10 @@ pub struct RenderSettings {
     pub spp: Option<u32>,
     /// Time after which to stop.
     pub time: Option<Duration>,
-    /// First sample and one past the last, in place of `0..spp`.
+    /// Square root of the picture's relMSE at which to stop, once it is at most that with a probability of 95 %. Blocks of
+    /// pixels then get samples by their error, and `spp` is the mean over the picture.
+    pub error: Option<f64>,
+    /// First sample and one past the last, in place of `0..spp`; `error` has no effect then.
     pub samples: Option<Range<u32>>,
     /// Greatest number of scatterings; `None` leaves it to Russian roulette.
     pub max_depth: Option<u32>,
@@ -110,6 +119,7 @@ impl Default for RenderSettings {
             crop: None,
             spp: Some(64),
             time: None,
+            error: None,
             samples: None,
             max_depth: None,
             seed: 0,
@@ -124,6 +134,13 @@ impl Default for RenderSettings {
             tile_size: 32,
             threads: 0,
         }
+    }
+}
+
+impl RenderSettings {
+    /// True if blocks of pixels get samples by their error, false if all get as many.
+    pub fn is_adaptive(&self) -> bool {
+        self.error.is_some() && self.samples.is_none()
     }
 }
 
@@ -196,8 +213,8 @@ pub struct RenderStats {
     pub counters: Vec<(&'static str, u64)>,
     /// Contributions that were not finite, by reason.
     pub discarded: Vec<(&'static str, u64)>,
-    /// Estimate of the picture's own relMSE from its two halves of samples; `None` below two samples.
-    pub relmse: Option<f64>,
+    /// What the picture's samples say of its error; `None` below four per pixel.
+    pub error: Option<PictureError>,
     /// Threads that worked.
     pub threads: usize,
     /// True if it ended because the observer asked.

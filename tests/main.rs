@@ -6,6 +6,7 @@ mod analytic;
 mod assets;
 mod cli;
 mod common;
+mod confidence;
 mod determinism;
 mod gltf;
 mod layering;

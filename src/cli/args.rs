@@ -133,6 +133,15 @@ pub fn duration(text: &str) -> Result<Duration, String> {
     }
 }
 
+/// Such as `1%` or `0.01`.
+pub fn error(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number.trim_end(), 0.01));
+    let expected = || "expected an error above 0 and up to 100%, such as 1% or 0.01".to_owned();
+    let error = number.parse::<f64>().map_err(|_| expected())? * unit;
+    if error > 0.0 && error <= 1.0 { Ok(error) } else { Err(expected()) }
+}
+
 /// Such as `16..32`: from the first number up to but not including the second.
 pub fn samples(text: &str) -> Result<Range<u32>, String> {
     let parse = || {
@@ -221,6 +230,7 @@ mod tests {
         assert_eq!(samples("0..16"), Ok(0..16));
         assert_eq!(env("1,0.5,0"), Ok(EnvArg::Constant([1.0, 0.5, 0.0])));
         assert_eq!(env("a,b/sky.HDR"), Ok(EnvArg::File("a,b/sky.HDR".into())));
+        assert_eq!([error("1%"), error("0.01"), error(" 2.5 %"), error("100%")], [0.01, 0.01, 0.025, 1.0].map(Ok));
         assert_eq!(exposure("-1.5"), Ok(Exposure::Stops(-1.5)));
         assert_eq!(exposure("auto"), Ok(Exposure::Auto));
         for (text, seconds) in [("30s", 30.0), ("500ms", 0.5), ("1.5m", 90.0), ("2h", 7200.0), ("7", 7.0)] {
@@ -244,6 +254,9 @@ mod tests {
         }
         for text in ["", "s", "0s", "-3s", "5y", "1e400s", "nan"] {
             assert!(duration(text).is_err(), "{text}");
+        }
+        for text in ["", "%", "0", "-1%", "5", "101%", "nan", "inf%", "1%%"] {
+            assert!(error(text).is_err(), "{text}");
         }
         for text in ["", "nan", "inf", "x"] {
             assert!(exposure(text).is_err() && ev100(text).is_err(), "{text}");

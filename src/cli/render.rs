@@ -47,12 +47,16 @@ pub struct Args {
     /// Pixels [default: 1280 wide, in the camera's shape]
     #[arg(long, value_name = "WxH", value_parser = args::size)]
     size: Option<Size>,
-    /// Stop after N samples per pixel [default: 64, or none with --time]
+    /// Stop after N samples per pixel [default: 64, or none with --time or --error]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
     /// Stop after a time, such as 30s or 5m
     #[arg(long, value_name = "TIME", value_parser = args::duration)]
     time: Option<Duration>,
+    /// Stop when the square root of the picture's relMSE is at most this with a probability of 95 %, such as 1% or 0.01;
+    /// samples go where the error is
+    #[arg(long, value_name = "ERROR", value_parser = args::error, conflicts_with = "samples")]
+    error: Option<f64>,
     /// Take samples A up to but not including B of each pixel
     #[arg(long, value_name = "A..B", value_parser = args::samples, conflicts_with = "spp")]
     samples: Option<Range<u32>>,
@@ -290,13 +294,14 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
             layers.push(layer);
         }
     }
-    let says_when = args.time.is_some() || args.samples.is_some();
+    let says_when = args.time.is_some() || args.error.is_some() || args.samples.is_some();
     Ok(RenderSettings {
         width,
         height,
         crop: args.crop.map(|crop| crop.0),
         spp: args.spp.or((!says_when).then_some(DEFAULT_SPP)),
         time: args.time,
+        error: args.error,
         samples: args.samples.clone(),
         max_depth: args.max_depth,
         seed: args.seed,
@@ -331,6 +336,7 @@ fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, St
     add("scene-name", args.scene.clone());
     add("camera", args.camera.clone());
     add("crop", settings.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
+    add("error", settings.error.map(|error| error.to_string()));
     add("samples", settings.samples.as_ref().map(|range| format!("{}..{}", range.start, range.end)));
     add(
         "env",
@@ -374,6 +380,9 @@ mod tests {
     fn sixty_four_samples_are_taken_only_where_nothing_says_when_to_stop() {
         assert_eq!(settings_of("--time 30s").spp, None);
         assert_eq!(settings_of("--time 30s --spp 9").spp, Some(9));
+        let to_error = settings_of("--error 1%");
+        assert_eq!((to_error.spp, to_error.time, to_error.error), (None, None, Some(0.01)));
+        assert_eq!(settings_of("--error 0.01 --spp 9 --time 1s").spp, Some(9));
         let partial = settings_of("--samples 16..32");
         assert_eq!((partial.spp, partial.samples), (None, Some(16..32)));
     }

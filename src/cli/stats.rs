@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 use wavecast::{
+    film::PictureError,
     flat::SceneNeeds,
     render::{RenderSettings, RenderStats},
 };
@@ -65,7 +66,7 @@ pub fn json(report: &Report) -> Value {
         "stages": stages,
         "counters": counts(&stats.counters),
         "peak_rss_bytes": peak_rss_bytes(),
-        "error": { "relmse": stats.relmse, "upper95": null },
+        "error": error(stats.error.as_ref()),
         "needed": report.needs.names(false),
         "skipped": report.needs.names(true),
         "discarded_samples": counts(&stats.discarded),
@@ -74,6 +75,18 @@ pub fn json(report: &Report) -> Value {
         "seed": settings.seed,
         "interrupted": stats.cancelled,
         "version": env!("CARGO_PKG_VERSION"),
+    })
+}
+
+/// Estimates of the picture's relMSE and of its mean, each with what it is within at 95 %.
+fn error(error: Option<&PictureError>) -> Value {
+    let interval = |end: usize| error.map(|error| error.mean.map(|channel| channel.interval(0.95)[end]));
+    json!({
+        "relmse": error.map(|error| error.relmse),
+        "upper95": error.map(|error| error.upper95),
+        "mean": error.map(|error| error.mean.map(|channel| channel.value)),
+        "mean_from": interval(0),
+        "mean_to": interval(1),
     })
 }
 
@@ -92,8 +105,9 @@ pub fn summary(report: &Report) -> String {
         seconds.render,
         mrays_per_second(stats),
     );
-    if let Some(relmse) = stats.relmse {
-        text.push_str(&format!(", relMSE about {relmse:.2e}"));
+    if let Some(PictureError { relmse, upper95, .. }) = stats.error {
+        let [about, most] = [relmse, upper95].map(|squared| 100.0 * squared.sqrt());
+        text.push_str(&format!(", relMSE about {relmse:.2e}, error about {about:.2} %, at most {most:.2} % (95 %)"));
     }
     if stats.cancelled {
         text.push_str(" (interrupted)");
@@ -155,7 +169,8 @@ mod tests {
         assert_eq!(got["mrays_per_second"], 1.0, "two million rays in two seconds");
         assert_eq!(got["rays"], json!({ "camera": 400, "bounce": 500, "shadow": 1_999_100 }));
         assert_eq!(got["stages"][0], json!({ "name": "shade", "seconds": 0.5, "rows": 9, "lane_fill": 0.9 }));
-        assert_eq!(got["error"], json!({ "relmse": null, "upper95": null }));
+        let unknown = json!({ "relmse": null, "upper95": null, "mean": null, "mean_from": null, "mean_to": null });
+        assert_eq!(got["error"], unknown);
         assert_eq!(got["discarded_samples"], json!({ "not finite": 3 }));
         assert_eq!(got["warnings"], json!(["odd"]));
         assert_eq!(got["accel"]["name"], "bvh8");

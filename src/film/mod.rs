@@ -4,7 +4,9 @@
 //! flows a [`Picture`], scene-linear and unexposed, and from it files. Exposure and tone
 //! mapping happen here and nowhere else.
 
+mod allocate;
 mod error;
+mod estimate;
 mod exr;
 mod hdr;
 mod metadata;
@@ -17,7 +19,9 @@ mod tonemap;
 mod write;
 
 pub use self::{
+    allocate::Growth,
     error::FilmError,
+    estimate::PictureError,
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
     sums::{Sums, Unit},

@@ -1,7 +1,10 @@
 //! The film as tiles, each owned by one worker at a time, and its resolution to a picture.
 
 use super::{Layer, LayerData, Picture, Sums, Unit};
-use crate::render::{LayerKind, RenderSettings};
+use crate::{
+    render::{LayerKind, RenderSettings},
+    sampling::REPLICAS,
+};
 
 /// Edge of the blocks of pixels that are rendered as one. They lie at multiples of it in the whole picture, whatever
 /// part is rendered and however it is cut into tiles, so that pixels of a block may share work and a picture still does not
@@ -19,10 +22,10 @@ pub struct Tile {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Samples per pixel in each half.
-    pub samples: [u32; 2],
-    /// Light by half: samples of even and of odd index, whose difference shows the error.
-    pub halves: [Sums; 2],
+    /// Samples per pixel by replica of the sampler.
+    pub samples: [u32; REPLICAS],
+    /// Light by replica, whose spread shows the error.
+    pub replicas: [Sums; REPLICAS],
     /// Camera rays that met something, where coverage is asked for.
     pub covered: Vec<u32>,
     /// Sums of each layer, in the order of the settings.
@@ -39,7 +42,21 @@ impl Tile {
 
     /// All light that fell on a pixel so far, in steps of the film's unit.
     pub fn light(&self, pixel: usize) -> [i128; 3] {
-        std::array::from_fn(|i| self.halves.iter().map(|sums| sums.0[pixel][i]).sum())
+        std::array::from_fn(|i| self.replicas.iter().map(|sums| sums.0[pixel][i]).sum())
+    }
+
+    /// What the sum over each replica's samples is multiplied by to give the pixel's mean.
+    ///
+    /// All samples weigh the same where all pixels have as many. Where `adaptive`, the even and the odd replicas have
+    /// decided about each other's number of samples; each of these halves then has the pixel's value as its expectation,
+    /// but their number says something of the other half's light, so that weights that depend on it would be unfair.
+    pub fn weights(&self, adaptive: bool) -> [f64; REPLICAS] {
+        let all: u32 = self.samples.iter().sum();
+        let half = |of: usize| self.samples.iter().skip(of % 2).step_by(2).sum::<u32>();
+        std::array::from_fn(|replica| match half(replica) {
+            own if adaptive && half(replica + 1) > 0 => 0.5 / f64::from(own.max(1)),
+            _ => 1.0 / f64::from(all.max(1)),
+        })
     }
 }
 
@@ -56,6 +73,8 @@ pub struct Film {
     pub layers: Vec<LayerKind>,
     /// True if coverage is kept.
     pub transparent: bool,
+    /// True if blocks, which are then a tile each, get samples by their error.
+    pub adaptive: bool,
 }
 
 impl Film {
@@ -66,7 +85,8 @@ impl Film {
             let end = (window[axis] + window[axis + 2]).next_multiple_of(BLOCK).min(all);
             window[axis] / BLOCK * BLOCK..end
         });
-        let edge = settings.tile_size.clamp(1, 1 << 16).next_multiple_of(BLOCK);
+        let adaptive = settings.is_adaptive();
+        let edge = if adaptive { BLOCK } else { settings.tile_size.clamp(1, 1 << 16).next_multiple_of(BLOCK) };
         let mut tiles = Vec::new();
         for y in rows.clone().step_by(edge as usize) {
             for x in columns.clone().step_by(edge as usize) {
@@ -78,8 +98,8 @@ impl Film {
                     y,
                     width: w,
                     height: h,
-                    samples: [0; 2],
-                    halves: [Sums::new(pixels), Sums::new(pixels)],
+                    samples: [0; REPLICAS],
+                    replicas: std::array::from_fn(|_| Sums::new(pixels)),
                     covered: zeros(settings.transparent),
                     layers: settings
                         .layers
@@ -90,7 +110,7 @@ impl Film {
                 });
             }
         }
-        Self { window, unit, tiles, layers: settings.layers.clone(), transparent: settings.transparent }
+        Self { window, unit, tiles, layers: settings.layers.clone(), transparent: settings.transparent, adaptive }
     }
 
     /// Pixel means as a picture.
@@ -106,12 +126,19 @@ impl Film {
             metadata: Vec::new(),
         };
         for tile in &self.tiles {
-            let samples = tile.samples[0] + tile.samples[1];
+            let samples: u32 = tile.samples.iter().sum();
             let scale = 1.0 / f64::from(samples.max(1));
+            let weights = tile.weights(self.adaptive);
+            let even = weights.iter().all(|&weight| weight == weights[0]);
             for (pixel, at) in self.pixels_of(tile) {
                 picture.rgb[at] = std::array::from_fn(|i| {
-                    let sum = tile.halves[0].0[pixel][i] + tile.halves[1].0[pixel][i];
-                    (self.unit.value(sum) * scale) as f32
+                    let sums = tile.replicas.each_ref().map(|sums| sums.0[pixel][i]);
+                    // Exactly as long as that can be, so that ranges of samples can be joined.
+                    if even {
+                        (self.unit.value(sums.iter().sum()) * weights[0]) as f32
+                    } else {
+                        sums.iter().zip(weights).map(|(&sum, weight)| self.unit.value(sum) * weight).sum::<f64>() as f32
+                    }
                 });
                 if let Some(alpha) = &mut picture.alpha {
                     alpha[at] = (f64::from(tile.covered[pixel]) * scale) as f32;
@@ -134,7 +161,7 @@ impl Film {
     }
 
     /// The pixels of a tile that were asked for: their places in the tile and in the picture.
-    fn pixels_of(&self, tile: &Tile) -> impl Iterator<Item = (usize, usize)> + use<> {
+    pub(super) fn pixels_of(&self, tile: &Tile) -> impl Iterator<Item = (usize, usize)> + use<> {
         let [x0, y0, width, height] = self.window;
         let &Tile { x, y, width: tile_width, .. } = tile;
         let across = x.max(x0)..(x + tile_width).min(x0 + width);
@@ -148,35 +175,9 @@ impl Film {
 
     /// Mean samples per pixel.
     pub fn spp(&self) -> f64 {
-        let samples: f64 = self.tiles.iter().map(|t| f64::from(t.samples[0] + t.samples[1]) * t.pixels() as f64).sum();
+        let samples: f64 =
+            self.tiles.iter().map(|t| f64::from(t.samples.iter().sum::<u32>()) * t.pixels() as f64).sum();
         samples / self.tiles.iter().map(|t| t.pixels() as f64).sum::<f64>().max(1.0)
-    }
-
-    /// An estimate of the picture's relMSE from the difference of its halves; `None` if one is empty.
-    ///
-    /// With means a and b of halves of m and n samples, (a − b)²·mn/(m+n)² has the variance of the pooled
-    /// mean as its expectation, if samples are independent; scrambled sequences do better than this says.
-    pub fn relmse(&self) -> Option<f64> {
-        let mut variance_and_mean = Vec::new();
-        for tile in &self.tiles {
-            let [m, n] = tile.samples.map(f64::from);
-            if m == 0.0 || n == 0.0 {
-                return None;
-            }
-            for (pixel, _) in self.pixels_of(tile) {
-                let (even, odd) = (tile.halves[0].0[pixel], tile.halves[1].0[pixel]);
-                for i in 0..3 {
-                    let (a, b) = (self.unit.value(even[i]), self.unit.value(odd[i]));
-                    let difference = a / m - b / n;
-                    variance_and_mean.push((difference * difference * m * n / (m + n).powi(2), (a + b) / (m + n)));
-                }
-            }
-        }
-        let count = variance_and_mean.len() as f64;
-        let mean = variance_and_mean.iter().map(|(_, mean)| mean).sum::<f64>() / count;
-        let floor = 0.01 * mean * mean;
-        let sum: f64 = variance_and_mean.iter().map(|(v, m)| if *v == 0.0 { 0.0 } else { v / (m * m + floor) }).sum();
-        Some(sum / count)
     }
 }
 

@@ -13,5 +13,5 @@ pub(crate) mod tests;
 pub mod warp;
 
 pub use filter::{FilterTable, filter_offset};
-pub use sampler::Sampler;
+pub use sampler::{REPLICAS, Sampler, replica};
 pub use table::{AliasTable, lengthen};

@@ -57,11 +57,12 @@ impl Lens {
 /// that rays which follow one another run side by side.
 #[derive(Clone, Copy, Debug)]
 pub struct Cursor {
-    /// Next sample; `end` when all are started.
+    /// Next sample; at least `end` when all are started.
     pub sample: u32,
-    /// One past the last sample.
+    /// At or past this all are started.
     pub end: u32,
     first: u32,
+    step: u32,
     /// First of the eight pixels.
     block: u32,
     /// Next pixel.
@@ -69,9 +70,9 @@ pub struct Cursor {
 }
 
 impl Cursor {
-    /// Before the samples `from..to` of all pixels.
-    pub fn new(from: u32, to: u32) -> Self {
-        Self { sample: from, end: to, first: from, block: 0, pixel: 0 }
+    /// Before every `step`-th of the samples `from..to` of all pixels.
+    pub fn new(from: u32, to: u32, step: u32) -> Self {
+        Self { sample: from, end: to, first: from, step, block: 0, pixel: 0 }
     }
 
     /// Past so many pixels of the eight, of so many in the tile.
@@ -82,8 +83,8 @@ impl Cursor {
             return;
         }
         self.pixel = self.block;
-        self.sample += 1;
-        if self.sample == self.end && next < pixels {
+        self.sample = self.sample.saturating_add(self.step);
+        if self.sample >= self.end && next < pixels {
             (self.sample, self.block, self.pixel) = (self.first, next, next);
         }
     }
@@ -164,18 +165,18 @@ mod tests {
     /// and nothing is left out.
     #[test]
     fn each_sample_of_each_pixel_is_started_once_in_order() {
-        for (pixels, piece) in [(64, 8), (37, 3), (5, 8), (16, 5)] {
-            let mut cursor = Cursor::new(3, 7);
+        for (pixels, piece, step) in [(64, 8, 1), (37, 3, 1), (5, 8, 2), (16, 5, 3)] {
+            let mut cursor = Cursor::new(3, 9, step);
             let mut next = vec![3; pixels as usize];
             while cursor.sample < cursor.end {
                 let count = (cursor.next_block(pixels) - cursor.pixel).min(piece);
                 for pixel in cursor.pixel..cursor.pixel + count {
                     assert_eq!(next[pixel as usize], cursor.sample, "pixel {pixel}");
-                    next[pixel as usize] += 1;
+                    next[pixel as usize] += step;
                 }
                 cursor.advance(count, pixels);
             }
-            assert!(next.iter().all(|&sample| sample == 7), "{next:?}");
+            assert!(next.iter().all(|&sample| sample == 9), "{next:?}");
         }
     }
 }

@@ -90,7 +90,7 @@ const FINDS: usize = 2 * GROUP;
 const BATCH: usize = 8;
 
 impl Joiner {
-    /// Joins the paths of a tile for samples `from..to`, and adds the light to the tile's pixels.
+    /// Joins the paths of a tile for every `step`-th of samples `from..to`, and adds the light to the tile's pixels.
     pub fn join<C: Coverage>(
         &mut self,
         job: &Job,
@@ -98,6 +98,7 @@ impl Joiner {
         [x0, y0, width, height]: [u32; 4],
         from: u32,
         to: u32,
+        step: u32,
         tally: &mut Tally,
         counters: &mut Counters,
     ) {
@@ -108,7 +109,7 @@ impl Joiner {
         self.seen.resize(BATCH, [[0; BLOCKS]; FINDS]);
         self.groups.clear();
         let first = |at: u32| at / SQUARE * SQUARE;
-        for sample in from..to {
+        for sample in (from..to).step_by(step as usize) {
             for y in (first(y0)..y0 + height).step_by(SQUARE as usize) {
                 for x in (first(x0)..x0 + width).step_by(SQUARE as usize) {
                     for number in 0..GROUPS {

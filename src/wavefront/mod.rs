@@ -71,7 +71,7 @@ use crate::{
     film::{Tile, Unit},
     flat::{FlatScene, NONE, SceneNeeds, ShadingClass},
     render::{LayerKind, RenderSettings, Sharing},
-    sampling::{FilterTable, Sampler},
+    sampling::{FilterTable, Sampler, replica},
     simd::LANES,
 };
 
@@ -122,6 +122,7 @@ impl<'a> Job<'a> {
     /// For a scene and the user's settings.
     pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
         let needs = scene.needs;
+        let sampler = Sampler::new(settings.sampler, settings.seed);
         Self {
             scene,
             settings: Settings {
@@ -146,7 +147,7 @@ impl<'a> Job<'a> {
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
             filter: FilterTable::new(settings.filter),
-            sampler: Sampler::new(settings.sampler, settings.seed),
+            sampler: if settings.is_adaptive() { sampler.in_replicas() } else { sampler },
             unit,
         }
     }
@@ -179,32 +180,32 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Adds the samples `from..to` of every pixel to a tile.
-    pub fn run(&mut self, job: &Job, tile: &mut Tile, from: u32, to: u32) {
+    /// Adds every `step`-th of the samples `from..to` of every pixel to a tile.
+    pub fn run(&mut self, job: &Job, tile: &mut Tile, from: u32, to: u32, step: u32) {
         if job.settings.partial_coverage {
             let coverage = SceneCoverage::new(job.scene);
-            self.run_covered(job, &coverage, tile, from, to);
+            self.run_covered(job, &coverage, tile, from, to, step);
             self.counters.alpha_tests += coverage.alpha_tests.get();
             self.counters.texture_lookups += coverage.texture_lookups.get();
         } else {
-            self.run_covered(job, &Solid, tile, from, to);
+            self.run_covered(job, &Solid, tile, from, to, step);
         }
     }
 
-    fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
+    fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32, step: u32) {
         let Job { scene, settings, lens, filter, sampler, unit } = job;
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
-        let halves = std::mem::take(&mut tile.halves);
-        let mut tally = Tally { unit: *unit, halves, discarded: 0, reuse: std::mem::take(&mut self.reuse) };
+        let replicas = std::mem::take(&mut tile.replicas);
+        let mut tally = Tally { unit: *unit, replicas, discarded: 0, reuse: std::mem::take(&mut self.reuse) };
         if settings.shares.any() {
-            tally.reuse.begin(tile.pixels(), from, to);
+            tally.reuse.begin(tile.pixels(), from, to, step);
         }
-        let mut cursor = Cursor::new(from, to);
+        let mut cursor = Cursor::new(from, to, step);
         let Self { paths, next, hits, shadows, order, joiner, counters, .. } = self;
         paths.rewind();
         next.rewind();
         // Once, so that no stage allocates however the paths of a wave turn out.
-        let rows = settings.wave_size.min(tile.pixels() * (to - from) as usize);
+        let rows = settings.wave_size.min(tile.pixels() * (to - from).div_ceil(step) as usize);
         paths.make_room(rows);
         next.make_room(rows);
         hits.reserve(rows);
@@ -318,15 +319,15 @@ impl Worker {
             }
         }
         if settings.shares.any() {
-            counters.time(Stage::Join, tile.pixels() * (to - from) as usize, |counters| {
-                joiner.join(job, coverage, rectangle, from, to, &mut tally, counters);
+            counters.time(Stage::Join, tile.pixels() * (to - from).div_ceil(step) as usize, |counters| {
+                joiner.join(job, coverage, rectangle, from, to, step, &mut tally, counters);
             });
         }
-        tile.halves = std::mem::take(&mut tally.halves);
+        tile.replicas = std::mem::take(&mut tally.replicas);
         self.reuse = tally.reuse;
         self.counters.discarded += tally.discarded;
-        for sample in from..to {
-            tile.samples[(sample & 1) as usize] += 1;
+        for sample in (from..to).step_by(step as usize) {
+            tile.samples[replica(sample)] += 1;
         }
     }
 }

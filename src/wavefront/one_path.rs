@@ -23,6 +23,7 @@ use crate::{
     flat::{FlatScene, NONE, ShadingClass, flags},
     light::Receiver,
     render::{Observer, RenderSettings, Rendered},
+    sampling::replica,
     simd::{Bits, Real, V3},
 };
 
@@ -32,33 +33,41 @@ pub fn render_one_path(scene: &FlatScene, settings: &RenderSettings, observer: &
 }
 
 /// As [`Worker::run`].
-fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32) {
+fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32, step: u32) {
     if job.settings.partial_coverage {
-        run_covered(worker, job, &SceneCoverage::new(job.scene), tile, from, to);
+        run_covered(worker, job, &SceneCoverage::new(job.scene), tile, from, to, step);
     } else {
-        run_covered(worker, job, &Solid, tile, from, to);
+        run_covered(worker, job, &Solid, tile, from, to, step);
     }
 }
 
-fn run_covered<C: Coverage>(worker: &mut Worker, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
+fn run_covered<C: Coverage>(
+    worker: &mut Worker,
+    job: &Job,
+    coverage: &C,
+    tile: &mut Tile,
+    from: u32,
+    to: u32,
+    step: u32,
+) {
     let mut stacks = Stacks::default();
-    let halves = std::mem::take(&mut tile.halves);
-    let mut tally = Tally { unit: job.unit, halves, discarded: 0, reuse: std::mem::take(&mut worker.reuse) };
+    let replicas = std::mem::take(&mut tile.replicas);
+    let mut tally = Tally { unit: job.unit, replicas, discarded: 0, reuse: std::mem::take(&mut worker.reuse) };
     if job.settings.shares.any() {
-        tally.reuse.begin(tile.pixels(), from, to);
+        tally.reuse.begin(tile.pixels(), from, to, step);
     }
-    for sample in from..to {
+    for sample in (from..to).step_by(step as usize) {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
             trace(job, coverage, [x, y], slot, sample, &mut tally, &mut worker.counters, &mut stacks);
         }
-        tile.samples[(sample & 1) as usize] += 1;
+        tile.samples[replica(sample)] += 1;
     }
     if job.settings.shares.any() {
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
-        worker.joiner.join(job, coverage, rectangle, from, to, &mut tally, &mut worker.counters);
+        worker.joiner.join(job, coverage, rectangle, from, to, step, &mut tally, &mut worker.counters);
     }
-    tile.halves = std::mem::take(&mut tally.halves);
+    tile.replicas = std::mem::take(&mut tally.replicas);
     worker.reuse = tally.reuse;
     worker.counters.discarded += tally.discarded;
 }

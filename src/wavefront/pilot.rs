@@ -82,7 +82,7 @@ fn measure(worker: &mut Worker, job: &Job, settings: &RenderSettings, [x, y]: [u
     let mut before = vec![[0; 3]; pixels];
     for sample in 0..2 {
         worker.joiner.measured = Some(vec![[[0.0; 3]; KINDS]; pixels]);
-        worker.run(job, tile, sample, sample + 1);
+        worker.run(job, tile, sample, sample + 1, 1);
         let excess = worker.joiner.measured.take().unwrap_or_default();
         for pixel in 0..pixels {
             let now = tile.light(pixel);

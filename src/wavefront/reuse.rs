@@ -170,6 +170,7 @@ pub mod stage {
 #[derive(Clone, Debug, Default)]
 pub struct Reuse {
     first_sample: u32,
+    step: u32,
     pixels: u32,
     /// See [`stage`].
     pub stage: Vec<u8>,
@@ -184,10 +185,10 @@ pub struct Reuse {
 }
 
 impl Reuse {
-    /// Forgets everything, and makes room for samples `from..to` of so many pixels.
-    pub fn begin(&mut self, pixels: usize, from: u32, to: u32) {
-        (self.first_sample, self.pixels) = (from, pixels as u32);
-        let rows = pixels * (to - from) as usize;
+    /// Forgets everything, and makes room for every `step`-th of samples `from..to` of so many pixels.
+    pub fn begin(&mut self, pixels: usize, from: u32, to: u32, step: u32) {
+        (self.first_sample, self.step, self.pixels) = (from, step, pixels as u32);
+        let rows = pixels * (to - from).div_ceil(step) as usize;
         self.stage.clear();
         self.stage.resize(rows, 0);
         if self.near.len() < rows {
@@ -201,7 +202,7 @@ impl Reuse {
     /// The row of a path.
     #[inline(always)]
     pub fn row(&self, slot: u32, sample: u32) -> usize {
-        ((sample - self.first_sample) * self.pixels + (slot & SLOT)) as usize
+        ((sample - self.first_sample) / self.step * self.pixels + (slot & SLOT)) as usize
     }
 
     /// Adds light to a far vertex. Contributions of one path come in the order of its vertices, whatever runs beside it.

@@ -1,6 +1,7 @@
 //! Passes over the tiles: threads, progress, stop rules.
 
 use std::{
+    ops::Range,
     sync::{
         Mutex,
         atomic::{AtomicBool, AtomicU64, Ordering},
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 
 use super::{Counters, Job, Worker, pilot};
 use crate::{
-    film::{Film, Unit},
+    film::{Film, Growth, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
     render::{Observer, Progress, RenderSettings, RenderStats, Rendered},
     world::units::Nit,
@@ -22,6 +23,13 @@ use crate::{
 const PASS: u32 = 16;
 /// Passes that a time limit is cut into, at least.
 const PASSES_PER_LIMIT: f64 = 24.0;
+/// Paths of a round towards an error, at least and at most, over those before it.
+const LEAST_GROWTH: f64 = 1.2;
+const MOST_GROWTH: f64 = 6.0;
+/// Share of the samples that all pixels get alike before some get more.
+const EVEN_SHARE: f64 = 0.25;
+/// A round aims at this share of the squared error that is asked for, so that mostly it is the last one.
+const AIM: f64 = 0.95;
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
@@ -43,11 +51,15 @@ fn brightest(scene: &FlatScene) -> Nit {
     Nit(most)
 }
 
+/// What workers tell and ask while they render.
 struct Watcher<'a> {
     observer: &'a dyn Observer,
     start: Instant,
-    total: f64,
     limit: Option<Duration>,
+    /// Pixels of the film.
+    pixels: f64,
+    /// Paths that the picture is expected to take.
+    total: AtomicU64,
     done: AtomicU64,
     rays: AtomicU64,
     cancelled: AtomicBool,
@@ -56,8 +68,8 @@ struct Watcher<'a> {
 
 impl Watcher<'_> {
     /// Called by a worker after each tile; one of them reports now and then.
-    fn tick(&self, samples: u64, rays: u64, pixels: f64) {
-        let done = self.done.fetch_add(samples, Ordering::Relaxed) + samples;
+    fn tick(&self, paths: u64, rays: u64) {
+        let done = self.done.fetch_add(paths, Ordering::Relaxed) + paths;
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
         let Ok(mut last) = self.last.try_lock() else { return };
         if last.elapsed() < REPORT_EVERY {
@@ -65,17 +77,177 @@ impl Watcher<'_> {
         }
         *last = Instant::now();
         let seconds = self.start.elapsed().as_secs_f64();
-        let by_samples = done as f64 / self.total;
+        let by_paths = done as f64 / self.total.load(Ordering::Relaxed) as f64;
         let by_time = self.limit.map_or(0.0, |limit| seconds / limit.as_secs_f64());
         self.observer.progress(&Progress {
-            spp: done as f64 / pixels,
-            done: by_samples.max(by_time).min(1.0),
+            spp: done as f64 / self.pixels,
+            done: by_paths.max(by_time).min(1.0),
             rays,
             seconds,
         });
         if self.observer.cancelled() {
             self.cancelled.store(true, Ordering::Relaxed);
         }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Seconds of the time limit that are left.
+    fn left(&self) -> Option<f64> {
+        self.limit.map(|limit| limit.saturating_sub(self.start.elapsed()).as_secs_f64())
+    }
+
+    fn late(&self) -> bool {
+        self.left() == Some(0.0)
+    }
+}
+
+/// Paths of a tile that are kept at a time for others to share: more take memory and gain nothing.
+const MOST_SHARED: u32 = 1 << 14;
+
+/// A way of adding every so-manieth sample of a range to a tile.
+trait Run: Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Sync {}
+
+impl<R: Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Sync> Run for R {}
+
+/// All that a render goes through its passes with.
+struct Passes<'a, R> {
+    job: Job<'a>,
+    run: R,
+    watcher: Watcher<'a>,
+    workers: Mutex<Vec<Worker>>,
+}
+
+impl<R: Run> Passes<'_, R> {
+    /// Adds every `step`-th of the samples `from..to` to a tile.
+    fn add(&self, tile: &mut Tile, from: u32, to: u32, step: u32) {
+        let mut worker = self.workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
+        let rays = worker.counters.all_rays();
+        let mut next = from;
+        while next < to {
+            let most = if self.job.settings.shares.any() { MOST_SHARED / tile.pixels() as u32 } else { to - next };
+            let end = to.min(next + most.max(1).saturating_mul(step));
+            (self.run)(&mut worker, &self.job, tile, next, end, step);
+            next = end;
+        }
+        let rays = worker.counters.all_rays() - rays;
+        self.watcher.tick(u64::from((to - from).div_ceil(step)) * tile.pixels() as u64, rays);
+        self.workers.lock().expect("no worker panics holding it").push(worker);
+    }
+
+    /// Adds the samples `from..to` to all tiles.
+    fn pass(&self, film: &mut Film, from: u32, to: u32) {
+        film.tiles.par_iter_mut().for_each(|tile| {
+            if !self.watcher.cancelled() {
+                self.add(tile, from, to, 1);
+            }
+        });
+    }
+
+    /// As many samples for all pixels, until there are enough or the time is over.
+    fn evenly(&self, film: &mut Film, samples: &Range<u32>) {
+        let mut next = samples.start;
+        while next < samples.end && !self.watcher.cancelled() {
+            let mut count = PASS;
+            if let (Some(limit), Some(left)) = (self.watcher.limit, self.watcher.left()) {
+                let done = next - samples.start;
+                if done == 0 {
+                    count = 1;
+                } else if left == 0.0 {
+                    break;
+                } else {
+                    let each = self.watcher.start.elapsed().as_secs_f64() / f64::from(done);
+                    if each > left {
+                        return self.part_of_a_pass(film, next);
+                    }
+                    let share = (limit.as_secs_f64() / PASSES_PER_LIMIT).min(left);
+                    count = (share / each).clamp(1.0, f64::from(PASS * 16)) as u32;
+                }
+            }
+            let end = next.saturating_add(count).min(samples.end);
+            self.pass(film, next, end);
+            next = end;
+        }
+    }
+
+    /// One more sample for tiles all over the picture, until the time is over.
+    fn part_of_a_pass(&self, film: &mut Film, sample: u32) {
+        // Fibonacci hashing (Knuth 1998, "The Art of Computer Programming" 3, section 6.4): near ones come far apart.
+        let scattered = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9);
+        let mut order: Vec<_> = film.tiles.iter_mut().enumerate().map(|(i, tile)| (scattered(i), tile)).collect();
+        order.sort_unstable_by_key(|(key, _)| *key);
+        order.into_par_iter().for_each(|(_, tile)| {
+            if !self.watcher.cancelled() && !self.watcher.late() {
+                self.add(tile, sample, sample + 1, 1);
+            }
+        });
+    }
+
+    /// Samples until the picture's error is small enough, most where the error is.
+    ///
+    /// All pixels get as many at first, a quarter or so of what the picture will take; these say where the others go.
+    /// Rounds are long, so that the error is looked at a few times only: each look is one more chance to stop because it
+    /// seems smaller than it is. What a round does is decided before it from exact sums, so that it does not depend on the
+    /// number of threads.
+    fn to_error(&self, film: &mut Film, target: f64, most_spp: Option<u32>) {
+        let watcher = &self.watcher;
+        let most_paths = most_spp.map_or(f64::INFINITY, |spp| f64::from(spp) * watcher.pixels);
+        let (mut spp, mut next_spp) = (0, PASS);
+        let mut plan: Option<(Vec<[f64; 2]>, Growth)> = None;
+        loop {
+            let now = watcher.done.load(Ordering::Relaxed) as f64;
+            match &plan {
+                None => {
+                    let end = most_spp.unwrap_or(u32::MAX).min(next_spp);
+                    while spp < end && !watcher.cancelled() && !watcher.late() {
+                        // With a time limit one by one, so that it ends in time.
+                        let to = if watcher.limit.is_some() { spp + 1 } else { end.min(spp + PASS) };
+                        self.pass(film, spp, to);
+                        spp = to;
+                    }
+                }
+                Some((shares, growth)) => {
+                    let counts = film.allocate(shares, growth);
+                    self.round(film, &counts);
+                }
+            }
+            let done = watcher.done.load(Ordering::Relaxed) as f64;
+            let stuck = done == now;
+            if stuck || watcher.cancelled() || watcher.late() {
+                break;
+            }
+            let Some(error) = film.error() else { break };
+            if error.upper95 <= target * target {
+                break;
+            }
+            let ratio = AIM * target * target / error.upper95;
+            watcher.total.store((done / ratio).min(most_paths) as u64, Ordering::Relaxed);
+            let all_spp = (f64::from(spp) / ratio).min(most_spp.map_or(f64::INFINITY, f64::from));
+            if plan.is_none() && EVEN_SHARE * all_spp > f64::from(spp) {
+                next_spp = ((EVEN_SHARE * all_spp).min(MOST_GROWTH * f64::from(spp)) as u32).next_multiple_of(PASS);
+                continue;
+            }
+            let growth =
+                Growth { error: ratio, least: LEAST_GROWTH * done, most: (MOST_GROWTH * done).min(most_paths) };
+            let shares = plan.map_or_else(|| film.shares(), |(shares, _)| shares);
+            plan = Some((shares, growth));
+        }
+    }
+
+    /// Brings the even and odd replicas of each tile to so many samples, or as far as the time goes.
+    fn round(&self, film: &mut Film, counts: &[[u32; 2]]) {
+        film.tiles.par_iter_mut().zip(counts).for_each(|(tile, counts)| {
+            for (half, &end) in counts.iter().enumerate() {
+                let mut next = tile.samples[half] + tile.samples[half + 2];
+                while next < end && !self.watcher.cancelled() && !self.watcher.late() {
+                    let to = end.min(next + PASS * 16);
+                    self.add(tile, 2 * next + half as u32, 2 * to, 2);
+                    next = to;
+                }
+            }
+        });
     }
 }
 
@@ -89,84 +261,52 @@ pub(super) fn render_by(
     scene: &FlatScene,
     settings: &RenderSettings,
     observer: &dyn Observer,
-    run: impl Fn(&mut Worker, &Job, &mut crate::film::Tile, u32, u32) + Sync,
+    run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Send + Sync,
 ) -> Rendered {
     let start = Instant::now();
     let unit = Unit::for_emission(brightest(scene));
     let mut film = Film::new(settings, unit);
-    let mut job = Job::new(scene, settings, unit);
     let samples = settings.samples.clone().unwrap_or(0..settings.spp.unwrap_or(u32::MAX));
     let pixels = film.tiles.iter().map(|tile| tile.pixels() as f64).sum::<f64>();
-    let watcher = Watcher {
-        observer,
-        start,
-        total: pixels * f64::from(samples.end - samples.start),
-        limit: settings.time,
-        done: AtomicU64::new(0),
-        rays: AtomicU64::new(0),
-        cancelled: AtomicBool::new(false),
-        last: Mutex::new(start),
+    let mut passes = Passes {
+        job: Job::new(scene, settings, unit),
+        run,
+        watcher: Watcher {
+            observer,
+            start,
+            limit: settings.time,
+            pixels,
+            total: AtomicU64::new((pixels * f64::from(samples.end - samples.start)) as u64),
+            done: AtomicU64::new(0),
+            rays: AtomicU64::new(0),
+            cancelled: AtomicBool::new(false),
+            last: Mutex::new(start),
+        },
+        workers: Mutex::new(Vec::new()),
     };
-    let workers: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
-    let pass = |job: &Job, film: &mut Film, from: u32, to: u32| {
-        film.tiles.par_iter_mut().for_each(|tile| {
-            if watcher.cancelled.load(Ordering::Relaxed) {
-                return;
-            }
-            let mut worker = workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
-            let rays = worker.counters.all_rays();
-            run(&mut worker, job, tile, from, to);
-            let rays = worker.counters.all_rays() - rays;
-            watcher.tick(u64::from(to - from) * tile.pixels() as u64, rays, pixels);
-            workers.lock().expect("no worker panics holding it").push(worker);
-        });
-    };
+    let mut stats = RenderStats::default();
     let mut all_passes = || {
-        job.settings.shares = pilot::plan(&job, settings);
-        let mut next = samples.start;
-        while next < samples.end && !watcher.cancelled.load(Ordering::Relaxed) {
-            let mut count = PASS;
-            if let Some(limit) = settings.time {
-                let spent = start.elapsed();
-                let left = limit.saturating_sub(spent).as_secs_f64();
-                let done = next - samples.start;
-                if left == 0.0 && done > 0 {
-                    break;
-                }
-                if done == 0 {
-                    count = 1;
-                } else {
-                    let each = spent.as_secs_f64() / f64::from(done);
-                    // Ends on time rather than a pass late.
-                    if each > left * 1.5 {
-                        break;
-                    }
-                    let share = (limit.as_secs_f64() / PASSES_PER_LIMIT).min(left);
-                    count = (share / each).clamp(1.0, f64::from(PASS * 16)) as u32;
-                }
-            }
-            let end = next.saturating_add(count).min(samples.end);
-            pass(&job, &mut film, next, end);
-            next = end;
+        passes.job.settings.shares = pilot::plan(&passes.job, settings);
+        match settings.error {
+            Some(target) if settings.is_adaptive() => passes.to_error(&mut film, target, settings.spp),
+            _ => passes.evenly(&mut film, &samples),
         }
+        stats.seconds = start.elapsed().as_secs_f64();
+        stats.error = film.error();
+        film.resolve()
     };
-    match rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build() {
+    let picture = match rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build() {
         Ok(pool) => pool.install(&mut all_passes),
         // Without threads of its own it runs on those there are.
         Err(_) => all_passes(),
-    }
+    };
+    stats.spp = film.spp();
+    stats.threads = if settings.threads == 0 { rayon::current_num_threads() } else { settings.threads };
+    stats.cancelled = passes.watcher.cancelled();
     let mut counters = Counters::default();
-    for worker in workers.into_inner().expect("no worker panics holding it") {
+    for worker in passes.workers.into_inner().expect("no worker panics holding it") {
         counters.add(&worker.counters);
     }
-    let mut stats = RenderStats {
-        seconds: start.elapsed().as_secs_f64(),
-        spp: film.spp(),
-        relmse: film.relmse(),
-        threads: if settings.threads == 0 { rayon::current_num_threads() } else { settings.threads },
-        cancelled: watcher.cancelled.load(Ordering::Relaxed),
-        ..RenderStats::default()
-    };
     counters.report(&mut stats);
-    Rendered { picture: film.resolve(), stats }
+    Rendered { picture, stats }
 }

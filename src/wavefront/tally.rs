@@ -1,15 +1,18 @@
 //! Where contributions go: the sums of the worker's tile.
 
 use super::reuse::{Reuse, SHARED};
-use crate::film::{Sums, Unit};
+use crate::{
+    film::{Sums, Unit},
+    sampling::{REPLICAS, replica},
+};
 
 /// Adds light to the tile a worker owns, and counts what is not finite.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Step of the sums.
     pub unit: Unit,
-    /// Sums by parity of the sample.
-    pub halves: [Sums; 2],
+    /// Sums by the sample's replica.
+    pub replicas: [Sums; REPLICAS],
     /// Contributions that were not finite or out of range.
     pub discarded: u64,
     /// What paths leave for one another.
@@ -27,7 +30,7 @@ impl Tally {
             self.reuse.add(slot, sample, light);
             return;
         }
-        if !self.halves[(sample & 1) as usize].add(self.unit, slot as usize, light) {
+        if !self.replicas[replica(sample)].add(self.unit, slot as usize, light) {
             self.discarded += 1;
         }
     }

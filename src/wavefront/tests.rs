@@ -140,9 +140,9 @@ fn rays_in_packets(scene: &mut Scene, max_depth: Option<u32>) -> [u64; 2] {
     let mut renderer = Renderer::new();
     renderer.sync(scene);
     let together = AtomicU64::new(0);
-    let counted = |worker: &mut Worker, job: &Job, tile: &mut Tile, from, to| {
+    let counted = |worker: &mut Worker, job: &Job, tile: &mut Tile, from, to, step| {
         TOGETHER.set(0);
-        worker.run(job, tile, from, to);
+        worker.run(job, tile, from, to, step);
         together.fetch_add(TOGETHER.get(), Ordering::Relaxed);
     };
     let settings = RenderSettings { width: 192, height: 128, spp: Some(4), max_depth, ..RenderSettings::default() };

@@ -18,7 +18,7 @@ fn allocations(settings: &RenderSettings, passes: u32) -> Vec<u64> {
     let job = Job::new(renderer.scene(), settings, unit);
     let mut worker = Worker::default();
     let mut pass = |pass: u32| {
-        let all_tiles = || film.tiles.iter_mut().for_each(|tile| worker.run(&job, tile, pass * 16, pass * 16 + 16));
+        let all_tiles = || film.tiles.iter_mut().for_each(|tile| worker.run(&job, tile, pass * 16, pass * 16 + 16, 1));
         allocation_counter::measure(all_tiles).count_total
     };
     (0..passes).map(&mut pass).collect()

@@ -101,3 +101,31 @@ fn trapped_light_does_not_hang_the_render() {
     let rendered = crate::common::picture(&mut scene, &settings(16, 4));
     assert!(rendered.stats.rays.bounce > 16 * 16 * 4 * 20, "the paths are long: {:?}", rendered.stats.rays);
 }
+
+/// Samples that go where the error is go there whatever the threads, tiles and waves; a limit of samples per pixel is the
+/// mean's, and is not passed.
+#[test]
+fn pictures_of_a_given_error_do_not_depend_on_how_the_work_is_cut() {
+    use wavecast::film::LayerData;
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut varied());
+    let layers = vec![wavecast::render::LayerKind::SampleCount];
+    let base = RenderSettings { error: Some(0.3), layers, spp: None, threads: 1, ..settings(37, 1) };
+    let want = renderer.render(&base, &());
+    assert!(want.stats.error.is_some_and(|error| error.upper95 <= 0.09), "{:?}", want.stats.error);
+    let LayerData::Id(counts) = &want.picture.layers[0].data else { panic!("counts are whole numbers") };
+    let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+    assert!(most > &(2 * least), "some blocks are easier than others: {least} to {most}");
+    for variant in [
+        RenderSettings { threads: 2, ..base.clone() },
+        RenderSettings { threads: 7, tile_size: 64, wave_size: 100, ..base.clone() },
+    ] {
+        let got = renderer.render(&variant, &());
+        assert!(got.picture == want.picture && got.stats.error == want.stats.error, "threads {}", variant.threads);
+    }
+    for most in [1, 3, 30] {
+        let stats = renderer.render(&RenderSettings { error: Some(0.01), spp: Some(most), ..base.clone() }, &()).stats;
+        let spp = stats.spp;
+        assert!(spp <= f64::from(most) && spp >= 0.8 * f64::from(most), "{spp} of {most}");
+    }
+}

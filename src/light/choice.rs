@@ -56,6 +56,12 @@ fn of_side(at: &Receiver) -> f32 {
     if at.halved { 0.5 } else { 1.0 }
 }
 
+/// With a probability times `share`.
+#[inline(always)]
+fn scaled(chosen: Option<Chosen>, share: f32) -> Option<Chosen> {
+    chosen.map(|chosen| Chosen { pmf: chosen.pmf * share, ..chosen })
+}
+
 impl LightChoice {
     /// Of lights that are somewhere, of lights far away given by direction and illuminance (lx), and of a sky that brings so much on
     /// average, lx; zero if it is not to be looked for.
@@ -120,18 +126,42 @@ impl LightChoice {
     /// A light, and with which probability, that of the side included; none if nothing can arrive.
     #[inline]
     pub fn sample(&self, at: &Receiver, u: f64) -> Option<Chosen> {
-        let chosen = self.on_this_side(at, u)?;
-        Some(Chosen { pmf: chosen.pmf * of_side(at), ..chosen })
+        self.sample_each(&[*at], [u], 1)[0]
     }
 
-    #[inline(always)]
-    fn on_this_side(&self, at: &Receiver, u: f64) -> Option<Chosen> {
-        let Shares { near, far, sky, all_far } = self.shares(at);
-        let (to_near, to_far) = (f64::from(near), f64::from(near) + f64::from(far));
-        if u < to_near {
-            let chosen = self.near.sample(at, if near < 1.0 { u / to_near } else { u })?;
-            return Some(Chosen { pmf: chosen.pmf * near, ..chosen });
+    /// As [`LightChoice::sample`] for several places, those of `lanes`.
+    #[inline]
+    pub fn sample_each<const N: usize>(&self, at: &[Receiver; N], u: [f64; N], lanes: u32) -> [Option<Chosen>; N] {
+        if self.far.illuminance.is_empty() && self.sky <= 0.0 {
+            let mut chosen = self.near.sample_each(at, u, lanes);
+            chosen.iter_mut().zip(at).for_each(|(chosen, at)| *chosen = scaled(*chosen, of_side(at)));
+            return chosen;
         }
+        let (mut chosen, mut u) = ([None; N], u);
+        let (mut shares, mut near) = ([0.0; N], 0);
+        for lane in (0..N).filter(|lane| lanes >> lane & 1 == 1) {
+            let of = self.shares(&at[lane]);
+            if u[lane] < f64::from(of.near) {
+                u[lane] = if of.near < 1.0 { u[lane] / f64::from(of.near) } else { u[lane] };
+                shares[lane] = of.near;
+                near |= 1 << lane;
+            } else {
+                chosen[lane] = scaled(self.far_away(&at[lane], u[lane], of), of_side(&at[lane]));
+            }
+        }
+        if near != 0 {
+            let from_near = self.near.sample_each(at, u, near);
+            for lane in (0..N).filter(|lane| near >> lane & 1 == 1) {
+                chosen[lane] = scaled(from_near[lane], shares[lane] * of_side(&at[lane]));
+            }
+        }
+        chosen
+    }
+
+    /// Of those that are nowhere.
+    #[inline(always)]
+    fn far_away(&self, at: &Receiver, u: f64, Shares { near, far, sky, all_far }: Shares) -> Option<Chosen> {
+        let (to_near, to_far) = (f64::from(near), f64::from(near) + f64::from(far));
         if u < to_far || (far > 0.0 && sky == 0.0) {
             let x = (u - to_near) / (to_far - to_near) * f64::from(all_far);
             let (mut below, mut chosen) = (0.0_f32, None);

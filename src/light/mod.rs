@@ -16,6 +16,7 @@ pub use environment::EnvironmentTable;
 use environment::turns;
 pub use facets::{Facets, Seen};
 pub use receiver::{Receiver, pack};
+pub use shape::Density;
 pub use tree::{Chosen, Emitter, LightTree};
 
 /// Random numbers for tests.

@@ -4,7 +4,7 @@
 ///
 /// The same whether a light is drawn from there or found by a scattered ray that left there, bit for bit: so both know the
 /// density of the other. A path carries its normal in 32 bits, so that both use what these say.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Receiver {
     /// Where rays start, m.
     pub p: [f32; 3],

@@ -1,41 +1,49 @@
 //! Which of many lights: a tree that is walked down by what each part could bring to a point.
 //!
-//! Each part has a box, a cone that holds the normals of its lights, and what they shine with together; from these follows
-//! a bound on what it brings (Conty Estevez, Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree
-//! Splitting"). A node has eight children, which are looked at at once: fewer steps than with two, and each is chosen among
-//! more. What a child brings is a matter of its own box, not of those it is halved with.
+//! Of each part is known where its lights are on average and how far they are spread, the same of their normals, and what they
+//! shine with together; from these follows about what it brings. Bounds say only where it brings nothing (Conty Estevez, Kulla
+//! 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting", have them say all, and so take each part for as
+//! bright as its best placed light would be). A node has eight children, which are looked at at once: fewer steps than with
+//! two, and each is chosen among more.
 
 mod build;
 
-use wide::f32x8;
+use wide::{f32x4, f32x8, i8x32};
 
 pub use self::build::Emitter;
 use super::Receiver;
-use crate::simd::{LANES, Real};
+use crate::simd::{LANES, Mask, Real};
 
 /// Marks a child as a light.
 const LIGHT: u32 = 1 << 31;
 /// There is no child.
 const NOBODY: u32 = u32::MAX;
 
-/// What is added to a cosine before it counts as zero: rounding, and that of a packed normal.
-const SLACK: f32 = 2e-4;
+/// A cosine below which it is not said how much less is received or emitted, squared: rounding, and that of a packed normal.
+const SLACK2: f32 = 1e-6;
 
 /// Eight parts, each a subtree or a light.
 #[derive(Clone, Debug, PartialEq)]
 struct Node {
-    center: [f32x8; 3],
-    /// Of the sphere around the box, squared.
-    radius2: f32x8,
-    /// Middle of the cone of normals.
+    /// Mean of the places of its lights by intensity, m.
+    middle: [f32x8; 3],
+    /// All is within so much of the middle, m.
+    radius: f32x8,
+    /// Mean square of the distance from the middle, by intensity, m².
+    spread2: f32x8,
+    /// Mean normal, of unit length.
     axis: [f32x8; 3],
-    /// Of the half-angle of the cone of normals.
-    cos_cone: f32x8,
-    sin_cone: f32x8,
-    /// Nothing is emitted farther than this from all normals.
-    cos_edge: f32x8,
-    /// 1 if the backs shine as well, else 0.
+    /// Length that the mean of the normals has: 1 where all are the same.
+    bundled: f32x8,
+    /// How far normals are from the mean, see [`Node::brings`].
+    scattered: f32x8,
+    /// Share of the light that leaves on both sides.
     two_sided: f32x8,
+    /// Of the angle to the axis beyond which nothing is emitted.
+    cos_edge: f32x8,
+    sin_edge: f32x8,
+    /// How far what shines may be off the plane through the middle across the axis, m.
+    depth: f32x8,
     /// Of all lights together along their normals, cd.
     intensity: f32x8,
     /// Another node, a light, or nobody.
@@ -99,41 +107,39 @@ impl LightTree {
     /// About what all of them bring, lx, if nothing is in the way.
     #[inline]
     pub fn illuminance(&self, at: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |root| sum(&root.brings(at)))
+        self.nodes.first().map_or(0.0, |root| all_of(sums(root.brings(at))).unwrap_or(0.0))
     }
 
     /// A light, with a probability by what it could bring.
     #[inline]
-    pub fn sample(&self, at: &Receiver, mut u: f64) -> Option<Chosen> {
-        if let Some(row) = self.alone {
-            return Some(Chosen { row, pmf: 1.0, rest: u });
+    pub fn sample(&self, at: &Receiver, u: f64) -> Option<Chosen> {
+        self.sample_each(&[*at], [u], 1)[0]
+    }
+
+    /// As [`LightTree::sample`] for several places, those of `lanes`, a level of the tree at a time: while one waits for a
+    /// quotient, the next goes on.
+    #[inline]
+    pub fn sample_each<const N: usize>(&self, at: &[Receiver; N], u: [f64; N], lanes: u32) -> [Option<Chosen>; N] {
+        // The row is that of a node until a light is met.
+        let first = Chosen { row: self.alone.unwrap_or(0), pmf: 1.0, rest: 0.0 };
+        let here = |lane: usize| !self.nodes.is_empty() && lanes >> lane & 1 == 1;
+        let mut chosen = std::array::from_fn(|lane| here(lane).then_some(Chosen { rest: u[lane], ..first }));
+        if self.alone.is_some() || self.nodes.is_empty() {
+            return chosen;
         }
-        let mut node = self.nodes.first()?;
-        let mut pmf = 1.0;
-        loop {
-            let shares = node.brings(at);
-            let all = sum(&shares);
-            if !(all > 0.0 && all < f32::INFINITY) {
-                return None;
+        let mut walking = lanes;
+        while walking != 0 {
+            let mut left = walking;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize % N;
+                left &= left - 1;
+                chosen[lane] = chosen[lane].and_then(|walk| self.nodes[walk.row as usize].step(&at[lane], walk));
+                let done = chosen[lane].is_none_or(|walk| walk.row & LIGHT != 0);
+                walking &= !(u32::from(done) << lane);
+                chosen[lane] = chosen[lane].map(|walk| Chosen { row: walk.row & !LIGHT, ..walk });
             }
-            let x = u * f64::from(all);
-            let (mut before, mut lane) = (0.0, 0);
-            let mut below = 0.0_f32;
-            for (i, share) in shares.into_iter().enumerate() {
-                // The last with a share, if rounding leads past it.
-                if share > 0.0 && f64::from(below) <= x {
-                    (before, lane) = (f64::from(below), i);
-                }
-                below += share;
-            }
-            pmf *= shares[lane] / all;
-            u = ((x - before) / f64::from(shares[lane])).min(1.0 - f64::EPSILON / 2.0);
-            let child = node.child[lane];
-            if child & LIGHT != 0 {
-                return Some(Chosen { row: child & !LIGHT, pmf, rest: u });
-            }
-            node = &self.nodes[child as usize];
         }
+        chosen
     }
 
     /// Probability with which [`LightTree::sample`] draws a light.
@@ -147,60 +153,93 @@ impl LightTree {
         while place != NOBODY {
             let (node, lane) = (&self.nodes[(place / LANES as u32) as usize], place as usize % LANES);
             let shares = node.brings(at);
-            let all = sum(&shares);
-            if !(all > 0.0 && all < f32::INFINITY) {
-                return 0.0;
-            }
-            pmf *= shares[lane] / all;
+            let Some(all) = all_of(sums(shares)) else { return 0.0 };
+            pmf *= shares.to_array()[lane] / all;
             place = node.parent;
         }
         if self.places[row as usize] == NOBODY { 0.0 } else { pmf }
     }
 }
 
-/// In a fixed order.
+/// From each lane's four neighbours to the lane, those `BY` below; zero where there are none.
 #[inline(always)]
-fn sum(shares: &[f32; LANES]) -> f32 {
-    shares.iter().sum()
+fn from_below<const BY: usize>(v: f32x8) -> f32x8 {
+    const fn places(by: usize) -> ([u8; 32], [u8; 32]) {
+        let (mut from, mut keep) = ([0; 32], [0; 32]);
+        let mut i = 0;
+        while i < 32 {
+            if i % 16 >= 4 * by {
+                (from[i], keep[i]) = ((i % 16 - 4 * by) as u8, u8::MAX);
+            }
+            i += 1;
+        }
+        (from, keep)
+    }
+    let (from, keep) = const { places(BY) };
+    let moved: i8x32 = bytemuck::cast::<_, i8x32>(v).swizzle_half_relaxed(bytemuck::cast(from));
+    bytemuck::cast(moved & bytemuck::cast::<_, i8x32>(keep))
 }
 
-/// cos(max(0, a − b)) and the sine.
+/// Of each lane, the sum up to and with it.
 #[inline(always)]
-fn minus((cos_a, sin_a): (f32x8, f32x8), (cos_b, sin_b): (f32x8, f32x8)) -> (f32x8, f32x8) {
-    let within = Real::gt(cos_a, cos_b);
-    let cos = Real::select(within, f32x8::ONE, cos_a * cos_b + sin_a * sin_b);
-    (cos, (sin_a * cos_b - cos_a * sin_b).masked(!within))
+fn sums(shares: f32x8) -> f32x8 {
+    let two = shares + from_below::<1>(shares);
+    let [low, high]: [f32x4; 2] = bytemuck::cast(two + from_below::<2>(two));
+    bytemuck::cast([low, high + f32x4::splat(low.to_array()[3])])
+}
+
+/// The sum of all lanes, if it is more than nothing and finite; as [`sums`] has it.
+#[inline(always)]
+fn all_of(sums: f32x8) -> Option<f32> {
+    let all = sums.to_array()[LANES - 1];
+    (all > 0.0 && all < f32::INFINITY).then_some(all)
 }
 
 impl Node {
-    /// A bound on what each child brings, lx, but for how near its parts may come.
+    /// On to a child, whose row it gives; none if nothing is brought.
     #[inline(always)]
-    fn brings(&self, at: &Receiver) -> [f32; LANES] {
-        let one = f32x8::ONE;
+    fn step(&self, at: &Receiver, Chosen { pmf, rest, .. }: Chosen) -> Option<Chosen> {
+        let shares = self.brings(at);
+        let upto = sums(shares);
+        let all = all_of(upto)?;
+        let x = rest * f64::from(all);
+        let some = Real::gt(shares, f32x8::ZERO).bits();
+        let beyond = Real::gt(upto, f32x8::splat(x as f32)).bits() & some;
+        // The last with a share, if rounding leads past it.
+        let lane = if beyond == 0 { some.ilog2() } else { beyond.trailing_zeros() } as usize % LANES;
+        let (share, upto) = (shares.to_array()[lane], upto.to_array()[lane]);
+        let rest = ((x - f64::from(upto)) / f64::from(share) + 1.0).clamp(0.0, 1.0 - f64::EPSILON / 2.0);
+        Some(Chosen { row: self.child[lane], pmf: pmf * (share / all), rest })
+    }
+
+    /// About what each child brings, lx; zero only where nothing does.
+    ///
+    /// The mean of the positive part of a number with mean a and variance b is near (a + √(a² + ¾b)) / 2: right for a single number, and
+    /// for one spread evenly around zero. The cosines at both ends are such numbers, of places and normals spread around
+    /// their means.
+    #[inline(always)]
+    fn brings(&self, at: &Receiver) -> f32x8 {
         let [p, n] = [at.p, at.n].map(|v| v.map(f32x8::splat));
-        let to: [f32x8; 3] = [0, 1, 2].map(|i| self.center[i] - p[i]);
-        let dot = |a: &[f32x8; 3], b: &[f32x8; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let to: [f32x8; 3] = [0, 1, 2].map(|i| self.middle[i] - p[i]);
+        let dot = |a: &[f32x8; 3], b: &[f32x8; 3]| Real::mul_add(a[0], b[0], Real::mul_add(a[1], b[1], a[2] * b[2]));
         let d2 = dot(&to, &to);
-        let inside = Real::le(d2, self.radius2);
-        let d2_safe = Real::max(d2, f32x8::splat(f32::MIN_POSITIVE));
-        let per_d = one / d2_safe.sqrt();
-        // Half the angle that the sphere takes.
-        let sin2 = self.radius2 / d2_safe;
-        let spread = (Real::select(inside, -one, (one - sin2).safe_sqrt()), Real::safe_sqrt(sin2).masked(!inside));
-        let with_sin = |cos: f32x8| {
-            let cos = Real::max(Real::min(cos, one), -one);
-            (cos, (one - cos * cos).safe_sqrt())
-        };
-        let cos = -dot(&self.axis, &to) * per_d;
-        let cos = Real::select(Real::gt(self.two_sided, f32x8::ZERO), Real::abs(cos), cos);
-        let (emitted, _) = minus(minus(with_sin(cos), (self.cos_cone, self.sin_cone)), spread);
-        let cos = dot(&n, &to) * per_d;
-        let (received, _) = minus(with_sin(cos), spread);
-        let slack = f32x8::splat(SLACK);
-        let shines = Real::ge(emitted + slack, self.cos_edge);
-        let cosines = Real::max(emitted + slack, f32x8::ZERO) * Real::max(received + slack, f32x8::ZERO);
-        let brings = self.intensity * cosines / Real::max(d2_safe, self.radius2);
-        brings.masked(shines).to_array()
+        let slack = d2 * f32x8::splat(SLACK2);
+        let near = Real::mul_add(self.spread2, f32x8::splat(0.25), slack);
+        let c = dot(&n, &to);
+        let c2 = c * c;
+        // Twice the cosine, times the distance.
+        let received = c + (c2 + near).sqrt();
+        let faced = Real::gt(c + self.radius, f32x8::ZERO) | Real::lt(c2, slack);
+        let along = -dot(&self.axis, &to);
+        let e = along * self.bundled;
+        let size = Real::mul_add(e, e, Real::mul_add(self.scattered, d2, near)).sqrt();
+        let emitted = Real::mul_add(self.two_sided, size - e, e + size);
+        let across = (d2 - along * along).safe_sqrt();
+        let shines = Real::le(across * self.cos_edge - along * self.sin_edge, self.depth);
+        let m = Real::max(Real::mul_add(self.spread2, f32x8::splat(0.5), d2), f32x8::splat(1e-30));
+        let per = f32x8::HALF / m;
+        let brings = (self.intensity * per) * ((received * per) * emitted);
+        brings.masked(faced & shines)
     }
 }
 

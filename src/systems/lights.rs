@@ -282,6 +282,13 @@ pub fn choice(flat: &FlatScene) -> LightChoice {
         Emitter {
             lower: corners.into_iter().fold(p, Vec3::min),
             upper: corners.into_iter().fold(p, Vec3::max),
+            middle: if light.four == 1 { p + 0.5 * (e1 + e2) } else { p + (e1 + e2) * (1.0 / 3.0) },
+            // Of a triangle less by what its edges have in common.
+            spread2: if light.four == 1 {
+                (e1.length_squared() + e2.length_squared()) / 12.0
+            } else {
+                (e1.length_squared() + e2.length_squared() - e1.dot(e2)) / 18.0
+            },
             axis: light.n.into(),
             cos_cone: 1.0,
             cos_edge: 0.0,
@@ -299,6 +306,8 @@ pub fn choice(flat: &FlatScene) -> LightChoice {
         near.push(Emitter {
             lower: position,
             upper: position,
+            middle: position,
+            spread2: 0.0,
             axis: light.axis.into(),
             cos_cone: cos_outer,
             cos_edge: 1.0,
@@ -310,22 +319,27 @@ pub fn choice(flat: &FlatScene) -> LightChoice {
         let light = lights.shapes.row(row);
         let texture = if light.texture == NONE { [1.0; 3] } else { mean_texture_of_shape(flat, &light) };
         let m = &flat.instances.world_from_local[light.instance as usize];
-        let (least, most) = flat.meshes[flat.instances.mesh[light.instance as usize] as usize].blas.bounds();
+        let mesh = &flat.meshes[flat.instances.mesh[light.instance as usize] as usize];
+        let (least, most) = mesh.blas.bounds();
         let row_of = |i: usize| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]);
         let (middle, half) =
             (0.5 * (Vec3::from(least) + Vec3::from(most)), 0.5 * (Vec3::from(most) - Vec3::from(least)));
         let center = Vec3::from_array([0, 1, 2].map(|i| row_of(i).dot(middle) + m[4 * i + 3]));
         let reach = Vec3::from_array([0, 1, 2].map(|i| row_of(i).abs().dot(half)));
+        let scale2 = [0, 1, 2].map(|axis| [0, 1, 2].map(|i| m[4 * i + axis].powi(2)).iter().sum::<f32>());
+        let mean2 = mesh.shape.map_or([0.0; 3], |shape| shape.mean_squares());
+        let is_disc = matches!(mesh.shape, Some(Shape::Disc { .. }));
+        let normal = Vec3::from_array([0, 1, 2].map(|i| light.cofactors[3 * i + 1]));
         near.push(Emitter {
             lower: center - reach,
             upper: center + reach,
-            axis: Vec3::Y,
-            // Of a disc the back would be known to be dark, but this is safe.
-            cos_cone: -1.0,
+            middle: center,
+            spread2: (0..3).map(|axis| mean2[axis] * scale2[axis]).sum(),
+            axis: normal.normalize_or(Vec3::Y),
+            cos_cone: if is_disc { 1.0 } else { -1.0 },
             cos_edge: 0.0,
-            two_sided: false,
-            // A convex body shows a quarter of its surface on average.
-            intensity: 0.5 * light.world_area * shaded(light.radiance, texture),
+            two_sided: is_disc && light.two_sided == 1,
+            intensity: light.world_area * shaded(light.radiance, texture),
         });
     }
     let distant = (0..lights.distant.len()).map(|row| lights.distant.row(row));

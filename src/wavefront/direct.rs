@@ -1,13 +1,14 @@
 //! Light sampling: which light, and from where on it. A kernel for eight lanes or one.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::{
     accel::Hit,
     flat::{EnvironmentLight, FlatScene, NONE},
-    light::{Chosen, Facets, Receiver, pack},
+    light::{Chosen, Density, Facets, Receiver, pack},
     sampling::lengthen,
-    simd::{Mask, Real, Rgb, V3},
+    simd::{LANES, Mask, Real, Rgb, V3},
+    world::Shape,
 };
 
 use super::{Settings, dimensions::mix, surface::Surface};
@@ -45,7 +46,7 @@ struct Picked {
     error: [f32; 3],
     normal: [f32; 3],
     radiance: [f32; 3],
-    /// Area of a flat light, one over the density by area of a shape, density for the sky.
+    /// Area of a flat light, one over the density by area of a shape or that by solid angle, density for the sky.
     measure: f32,
     pmf: f32,
     /// Row of a flat light with a texture.
@@ -119,6 +120,8 @@ struct Kinds {
     flat: u32,
     four: u32,
     shape: u32,
+    /// Shapes of which the measure is a density per sr.
+    by_angle: u32,
     two_sided: u32,
     local: u32,
     distant: u32,
@@ -170,15 +173,16 @@ pub fn sample<F: Real>(
         kinds.two_sided = active * scene.lights.triangles.two_sided[row as usize];
         Columns::all(&one)
     } else {
-        for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
-            if active >> lane & 1 == 0 {
-                continue;
-            }
+        let (mut at, mut choices) = ([Receiver::default(); LANES], [0.0; LANES]);
+        for lane in (0..F::LANES).filter(|lane| active >> lane & 1 == 1) {
             // Many lights, and then a sky of many texels, need more bits than a sample has.
             let choice = u_choice.lane(lane);
-            let choice = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
-            let at = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
-            let Some(Chosen { row, pmf, rest }) = lights.choice.sample(&at, choice) else { continue };
+            choices[lane] = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
+            at[lane] = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
+        }
+        let chosen = lights.choice.sample_each(&at, choices, active);
+        for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
+            let Some(Chosen { row, pmf, rest }) = chosen[lane].filter(|_| active >> lane & 1 == 1) else { continue };
             let bit = 1 << lane;
             if row < first_local {
                 let (flat, row) = (&lights.triangles, row as usize);
@@ -197,7 +201,10 @@ pub fn sample<F: Real>(
                 let row = (row - first_shape) as usize;
                 kinds.shape |= bit;
                 kinds.two_sided |= lights.shapes.two_sided[row] << lane;
-                *one = on_shape(scene, row, (u.0.lane(lane), u.1.lane(lane)), &mut lookups[0]);
+                let u = (u.0.lane(lane), u.1.lane(lane));
+                let (point, by_angle) = on_shape(scene, row, at[lane].p, u, &mut lookups[0]);
+                kinds.by_angle |= u32::from(by_angle) << lane;
+                *one = point;
             } else if row < sky_row {
                 let light = lights.distant.row((row - first_distant) as usize);
                 kinds.distant |= bit;
@@ -269,6 +276,9 @@ pub fn sample<F: Real>(
             if let Some(seen) = seen {
                 density = F::select(mask(kinds.flat), seen.pdf(distance2, area), density);
             }
+            if kinds.by_angle != 0 {
+                density = F::select(mask(kinds.by_angle), measure, density);
+            }
             let seen = is_surface & faces & apart & density.lt(F::splat(1e30)) & density.gt(F::zero());
             let density = F::select(seen, density, F::one());
             pdf = F::select(seen, pmf * density, pdf);
@@ -306,15 +316,14 @@ fn texel(scene: &FlatScene, row: usize, b1: f32, b2: f32) -> [f32; 4] {
     scene.textures.sample(texture, mesh.uv_at(set, vertices, b1, b2))
 }
 
-/// A point on a shape that shines.
+/// A point on a shape that shines, as seen from a place; and if its measure is a density per sr.
 #[cold]
-fn on_shape(scene: &FlatScene, row: usize, u: (f32, f32), lookups: &mut u64) -> Picked {
+fn on_shape(scene: &FlatScene, row: usize, from: [f32; 3], u: (f32, f32), lookups: &mut u64) -> (Picked, bool) {
     let light = scene.lights.shapes.row(row);
-    let instance = light.instance as usize;
-    let Some(shape) = scene.meshes[scene.instances.mesh[instance] as usize].shape else { return Picked::default() };
-    let local = shape.sample(u);
-    let m = scene.instances.world_from_local[instance].map(f64::from);
-    let along = |row: usize| DVec3::new(m[row * 4], m[row * 4 + 1], m[row * 4 + 2]).dot(local) + m[row * 4 + 3];
+    let Some((shape, linear, offset)) = placed(scene, light.instance) else { return (Picked::default(), false) };
+    let inverse = linear.inverse();
+    let from = DVec3::from_array(from.map(f64::from)) - offset;
+    let (local, density) = shape.sample_seen(inverse * from, light.two_sided == 1, u);
     let mut radiance = light.radiance;
     if light.texture != NONE {
         *lookups += 1;
@@ -323,14 +332,32 @@ fn on_shape(scene: &FlatScene, row: usize, u: (f32, f32), lookups: &mut u64) -> 
     }
     let piece = piece(&light.cofactors, shape.normal(local));
     let stretch = piece.length();
-    Picked {
-        target: [0, 1, 2].map(|row| along(row) as f32),
+    let target = linear * local;
+    let picked = Picked {
+        target: (target + offset).as_vec3().to_array(),
         error: light.error,
         normal: (piece / stretch).as_vec3().to_array(),
         radiance,
-        measure: (f64::from(light.area) * stretch) as f32,
+        measure: match density {
+            Density::Area(density) => stretch / density,
+            Density::SolidAngle(density) => density * per_world(&linear, &inverse, target - from),
+        } as f32,
         ..Picked::default()
-    }
+    };
+    (picked, matches!(density, Density::SolidAngle(_)))
+}
+
+/// Of an instance of a shape: that, and what takes it into the world.
+fn placed(scene: &FlatScene, instance: u32) -> Option<(Shape, DMat3, DVec3)> {
+    let shape = scene.meshes[scene.instances.mesh[instance as usize] as usize].shape?;
+    let m = scene.instances.world_from_local[instance as usize].map(f64::from);
+    let column = |i: usize| DVec3::new(m[i], m[i + 4], m[i + 8]);
+    Some((shape, DMat3::from_cols(column(0), column(1), column(2)), column(3)))
+}
+
+/// Solid angle in local space by that in the world, around a direction.
+fn per_world(linear: &DMat3, inverse: &DMat3, direction: DVec3) -> f64 {
+    (direction.length() / (*inverse * direction).length()).powi(3) / linear.determinant().abs()
 }
 
 /// The normal in the world, as long as a piece of a shape gets larger on its way there.
@@ -345,11 +372,26 @@ pub fn shape_pdf(scene: &FlatScene, light_row: u32, at: &Receiver, hit: &Hit, di
     let lights = &scene.lights;
     let shape_row = light_row - lights.shape_row(0);
     let light = lights.shapes.row(shape_row as usize);
-    let Some(shape) = scene.meshes[scene.instances.mesh[hit.instance as usize] as usize].shape else { return 0.0 };
-    let normal = shape.normal(shape.point(hit.triangle, hit.b1, hit.b2));
-    let facing = piece(&light.cofactors, normal).dot(DVec3::from_array(direction.map(f64::from)));
-    let area = (f64::from(light.area) * facing.abs()) as f32;
-    if area > 0.0 { lights.choice.near_pmf(lights.first_shape() + shape_row, at) * (hit.t * hit.t / area) } else { 0.0 }
+    let Some((shape, linear, offset)) = placed(scene, hit.instance) else { return 0.0 };
+    let inverse = linear.inverse();
+    let eye = inverse * (DVec3::from_array(at.p.map(f64::from)) - offset);
+    let direction = DVec3::from_array(direction.map(f64::from));
+    let density = match shape.density_seen(eye, light.two_sided == 1) {
+        // From outside, none is drawn on the far side, which is found through holes.
+        Density::SolidAngle(_) if hit.back => 0.0,
+        Density::SolidAngle(density) => density * per_world(&linear, &inverse, direction),
+        Density::Area(density) => {
+            let normal = shape.normal(shape.point(hit.triangle, hit.b1, hit.b2));
+            let facing = piece(&light.cofactors, normal).dot(direction).abs();
+            density * f64::from(hit.t).powi(2) / facing.max(f64::MIN_POSITIVE)
+        }
+    };
+    let density = density as f32;
+    if density > 0.0 && density < f32::INFINITY {
+        lights.choice.near_pmf(lights.first_shape() + shape_row, at) * density
+    } else {
+        0.0
+    }
 }
 
 /// Density per sr with which [`sample`] draws the direction of a ray of unit direction that left `at` and met an

@@ -7,6 +7,8 @@ fn lamp(x: f32) -> Emitter {
     Emitter {
         lower: Vec3::X * x,
         upper: Vec3::X * x,
+        middle: Vec3::X * x,
+        spread2: 0.0,
         axis: Vec3::Y,
         cos_cone: -1.0,
         cos_edge: 0.0,

@@ -13,7 +13,13 @@ fn lights(count: usize, seed: u32) -> Vec<Emitter> {
             let size = [vector(0.2).abs(), Vec3::ZERO][usize::from(i % 4 > 1)];
             let (cos_cone, cos_edge) = [(1.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.8, 1.0)][i % 4];
             let intensity = (random() as f32 * 6.0).exp();
-            Emitter { lower: p - size, upper: p + size, axis, cos_cone, cos_edge, two_sided: i % 8 == 1, intensity }
+            // A plate across its axis.
+            let across = axis.any_orthonormal_pair();
+            let reach = across.0.abs() * size.x + across.1.abs() * size.y;
+            let spread2 = (size.x * size.x + size.y * size.y) / 3.0;
+            let (lower, upper) = (p - reach, p + reach);
+            let two_sided = i % 8 == 1;
+            Emitter { lower, upper, middle: p, spread2, axis, cos_cone, cos_edge, two_sided, intensity }
         })
         .collect()
 }
@@ -71,15 +77,18 @@ fn no_light_that_arrives_is_left_out() {
         let tree = LightTree::new(&all);
         for at in receivers(60) {
             for (row, light) in all.iter().enumerate().take(200) {
-                let inside = Vec3::from_array(std::array::from_fn(|_| random() as f32));
-                let to = light.lower + (light.upper - light.lower) * inside - Vec3::from(at.p);
+                // A point of the largest plate in its box.
+                let across = light.axis.any_orthonormal_pair();
+                let half = 0.5 * (light.upper - light.lower);
+                let most = |v: Vec3| (half / v.abs().max(Vec3::splat(1e-9))).min_element().min(1.0) * 0.5 * v;
+                let mut side = || random() as f32 * 2.0 - 1.0;
+                let to = light.middle + most(across.0) * side() + most(across.1) * side() - Vec3::from(at.p);
                 let (to, n) = (to.normalize(), Vec3::from(at.n));
                 let cos = if light.two_sided { to.dot(light.axis).abs() } else { -to.dot(light.axis) };
                 let edge = light.cos_cone * light.cos_edge.max(1e-3);
                 let arrives = light.cos_cone < 0.0 || cos > edge.max(1e-3);
                 let facing = to.dot(n) > 1e-3;
                 tried += 1;
-                // Flat lights were given a box; their points may shine from any place in it.
                 if arrives && facing {
                     reached += 1;
                     assert!(tree.pmf(row as u32, &at) > 0.0, "{count} {row} {light:?} {at:?}");
@@ -96,6 +105,8 @@ fn odd_sets_of_lights_make_trees() {
     let point = |x: f32, intensity: f32| Emitter {
         lower: Vec3::X * x,
         upper: Vec3::X * x,
+        middle: Vec3::X * x,
+        spread2: 0.0,
         axis: Vec3::Y,
         cos_cone: -1.0,
         cos_edge: 0.0,

@@ -172,7 +172,8 @@ mod tests {
     /// Light that comes to one sample in fifty, so that sixteen samples often see none. The number of paths is the same
     /// each time, only how they are dealt to the blocks is not; the mean is 1. Significance 1e-4.
     ///
-    /// If the halves decided about themselves, the mean would be 7 % too low.
+    /// If the halves decided about themselves, half of the light would be lost; if they decided about each other again in
+    /// the second round, a quarter.
     #[test]
     fn samples_dealt_by_error_leave_the_mean_as_it_is() {
         let means: Moments = (0..2000)

@@ -139,10 +139,10 @@ impl Film {
             let mut products = [0.0; PAIRINGS.len()];
             for &pixel in pixels {
                 let x: [_; REPLICAS] = std::array::from_fn(|replica| self.replica_mean(tile, pixel, replica));
-                for c in 0..3 {
+                for x in [0, 1, 2].map(|c| x.map(|mean| mean[c])) {
                     for (pairing, product) in pairings.iter().zip(&mut products) {
-                        let difference = pairing.map(|[a, b]| x[a][c] - x[b][c]);
-                        let weight = pairing.map(|[a, b]| relative([x[a][c], x[b][c]], floor));
+                        let difference = pairing.map(|[a, b]| x[a] - x[b]);
+                        let weight = pairing.map(|[a, b]| relative([x[a], x[b]], floor));
                         for (i, [a, b]) in pairing.iter().enumerate() {
                             if difference[i] != 0.0 {
                                 let shares = share(*a).powi(2) + share(*b).powi(2);
@@ -265,7 +265,6 @@ mod tests {
             let error = film.error().unwrap();
             // A pixel's error against its expectation, with weights that are exact.
             let relmse = crate::measure::metrics::rel_mse(&picture.rgb, &truth);
-            let total: f64 = samples.iter().map(|&n| f64::from(n)).sum();
             let shares = film.tiles[0].weights(adaptive);
             let want: f64 = shares.iter().zip(samples).map(|(w, n)| w * w * f64::from(n)).sum();
             let mean = truth.iter().map(|rgb| f64::from(rgb[0])).sum::<f64>() / truth.len() as f64;
@@ -274,7 +273,6 @@ mod tests {
                 .map(|rgb| f64::from(rgb[0]).powi(2) / (f64::from(rgb[0]).powi(2) + 0.01 * mean * mean))
                 .sum::<f64>()
                 / truth.len() as f64;
-            assert!(want * total >= 0.99);
             ratios.push(error.relmse / (want * weights));
             bounded += u64::from(relmse <= error.upper95);
             let [from, to] = error.mean[1].interval(0.95);

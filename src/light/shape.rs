@@ -155,8 +155,8 @@ mod tests {
         }
     }
 
-    /// Integrals over what is seen of a shape, by directions: as [`Shape::sample_seen`] gives them and as points over the whole surface
-    /// do, of which those that face away count for nothing.
+    /// Integrals over what is seen of a shape, by directions: as [`Shape::sample_seen`] gives them and as points over the
+    /// whole surface do, of which those that face away count for nothing.
     #[test]
     fn points_that_are_seen_stand_for_all() {
         const N: u32 = 600;

@@ -214,9 +214,9 @@ impl Node {
 
     /// About what each child brings, lx; zero only where nothing does.
     ///
-    /// The mean of the positive part of a number with mean a and variance b is near (a + √(a² + ¾b)) / 2: right for a single number, and
-    /// for one spread evenly around zero. The cosines at both ends are such numbers, of places and normals spread around
-    /// their means.
+    /// The mean of the positive part of a number with mean a and variance b is near (a + √(a² + ¾b)) / 2: right for a single
+    /// number, and for one spread evenly around zero. The cosines at both ends are such numbers, of places and normals
+    /// spread around their means; each axis has a third of the spread.
     #[inline(always)]
     fn brings(&self, at: &Receiver) -> f32x8 {
         let [p, n] = [at.p, at.n].map(|v| v.map(f32x8::splat));

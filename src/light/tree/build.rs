@@ -1,8 +1,8 @@
 //! The tree over lights, from lights.
 //!
-//! From the top down: halved where the sum over both halves of intensity, area of the box and spread of normals is least, of
-//! twelve places along each axis (Conty Estevez, Kulla 2018, section 4.1). Then the halves of
-//! halves become children of one node, those first that have most to gain.
+//! From the top down: halved where the sum over both halves of intensity, area of the box and spread of normals is least,
+//! of twelve places along each axis (Conty Estevez, Kulla 2018, section 4.1). Then the halves of halves become children of
+//! one node, those first that have most to gain.
 
 use std::f64::consts::PI;
 
@@ -37,8 +37,8 @@ pub struct Emitter {
     pub intensity: f32,
 }
 
-/// Squared length that the normal of a light would have that shines as much all around as another along its normal: what makes half the root
-/// of a quarter of it 1, see [`Node::brings`].
+/// Squared length that normals would have of a light that shines all around as much as another along its normal: half the
+/// root of a quarter of it is 1, see [`Node::brings`].
 const ALL_AROUND: f64 = 16.0;
 
 /// Lights together.

@@ -73,6 +73,9 @@ pub struct RenderSettings {
     pub filter: PixelFilter,
     /// Lift the origins of rays towards the smooth surface (Hanika 2021).
     pub terminator_fix: bool,
+    /// Trace light from the emitters through mirrors and clear glass, rather than leave it to paths from the camera to find
+    /// an emitter behind them. It changes no expected value; off only to test that, and to measure what it gains.
+    pub caustics: bool,
     /// Alpha 0 where the background shows, and no background light there.
     pub transparent: bool,
     /// Layers beside the beauty picture.
@@ -102,6 +105,7 @@ impl Default for RenderSettings {
             sampler: SamplerKind::default(),
             filter: PixelFilter::default(),
             terminator_fix: true,
+            caustics: true,
             transparent: false,
             layers: Vec::new(),
             wave_size: 2048,

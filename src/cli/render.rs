@@ -299,6 +299,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         seed: args.seed,
         sampler: args.sampler.into(),
         filter: args.filter.into(),
+        caustics: true,
         terminator_fix: !args.no_terminator_fix,
         transparent: args.transparent,
         layers,

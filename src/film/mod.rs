@@ -11,6 +11,7 @@ mod metadata;
 mod picture;
 mod png;
 mod read;
+mod splats;
 mod sums;
 mod tiles;
 mod tonemap;
@@ -20,6 +21,7 @@ pub use self::{
     error::FilmError,
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
+    splats::{Splat, Splats},
     sums::{Sums, Unit},
     tiles::{Film, Tile},
     tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},

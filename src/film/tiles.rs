@@ -1,6 +1,6 @@
 //! The film as tiles, each owned by one worker at a time, and its resolution to a picture.
 
-use super::{Layer, LayerData, Picture, Sums, Unit};
+use super::{Layer, LayerData, Picture, Splats, Sums, Unit};
 use crate::render::{LayerKind, RenderSettings};
 
 /// A rectangle of pixels with the light that fell on it.
@@ -34,7 +34,7 @@ impl Tile {
 }
 
 /// All tiles of a picture, or of the part of it that is rendered.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Film {
     /// x, y, width, height of the rendered part.
     pub window: [u32; 4],
@@ -46,6 +46,8 @@ pub struct Film {
     pub layers: Vec<LayerKind>,
     /// True if coverage is kept.
     pub transparent: bool,
+    /// Light that falls anywhere, if some does.
+    pub splats: Option<Splats>,
 }
 
 impl Film {
@@ -77,7 +79,27 @@ impl Film {
                 });
             }
         }
-        Self { window, unit, tiles, layers: settings.layers.clone(), transparent: settings.transparent }
+        let (layers, transparent) = (settings.layers.clone(), settings.transparent);
+        Self { window, unit, tiles, layers, transparent, splats: None }
+    }
+
+    /// Makes room for light that falls anywhere, in tiles of the same edge.
+    pub fn keep_splats(&mut self, settings: &RenderSettings) {
+        let pixels = self.tiles.iter().map(Tile::pixels);
+        self.splats = Some(Splats::new(self.window, settings.tile_size.max(1), self.unit, pixels));
+    }
+
+    /// What splats add to the means of a tile's pixels; of each half, and of both together.
+    fn splatted(&self, tile: usize) -> impl Fn(usize, usize) -> [f64; 3] {
+        let (unit, found) = (self.unit, self.splats.as_ref().map(|splats| (splats.tile(tile), splats.samples())));
+        move |pixel, channel| match &found {
+            None => [0.0; 3],
+            Some((sums, [m, n])) => {
+                let [a, b] = [0, 1].map(|half: usize| sums[half].0[pixel][channel]);
+                let mean = |sum: i128, count: u32| unit.value(sum) / f64::from(count.max(1));
+                [mean(a, *m), mean(b, *n), mean(a + b, m + n)]
+            }
+        }
     }
 
     /// Pixel means as a picture.
@@ -92,7 +114,8 @@ impl Film {
             layers: self.layers.iter().map(|kind| kind.blank(pixels)).collect(),
             metadata: Vec::new(),
         };
-        for tile in &self.tiles {
+        for (row, tile) in self.tiles.iter().enumerate() {
+            let splatted = self.splatted(row);
             let samples = tile.samples[0] + tile.samples[1];
             let scale = 1.0 / f64::from(samples.max(1));
             for pixel in 0..tile.pixels() {
@@ -100,7 +123,7 @@ impl Film {
                 let at = ((tile.y - y0) as usize + y) * columns + (tile.x - x0) as usize + x;
                 picture.rgb[at] = std::array::from_fn(|i| {
                     let sum = tile.halves[0].0[pixel][i] + tile.halves[1].0[pixel][i];
-                    (self.unit.value(sum) * scale) as f32
+                    (self.unit.value(sum) * scale + splatted(pixel, i)[2]) as f32
                 });
                 if let Some(alpha) = &mut picture.alpha {
                     alpha[at] = (f64::from(tile.covered[pixel]) * scale) as f32;
@@ -134,16 +157,19 @@ impl Film {
     /// mean as its expectation, if samples are independent; scrambled sequences do better than this says.
     pub fn relmse(&self) -> Option<f64> {
         let mut variance_and_mean = Vec::new();
-        for tile in &self.tiles {
+        for (row, tile) in self.tiles.iter().enumerate() {
+            let splatted = self.splatted(row);
             let [m, n] = tile.samples.map(f64::from);
             if m == 0.0 || n == 0.0 {
                 return None;
             }
-            for (even, odd) in tile.halves[0].0.iter().zip(&tile.halves[1].0) {
+            for (pixel, (even, odd)) in tile.halves[0].0.iter().zip(&tile.halves[1].0).enumerate() {
                 for i in 0..3 {
                     let (a, b) = (self.unit.value(even[i]), self.unit.value(odd[i]));
-                    let difference = a / m - b / n;
-                    variance_and_mean.push((difference * difference * m * n / (m + n).powi(2), (a + b) / (m + n)));
+                    let [even, odd, both] = splatted(pixel, i);
+                    let difference = a / m + even - (b / n + odd);
+                    variance_and_mean
+                        .push((difference * difference * m * n / (m + n).powi(2), (a + b) / (m + n) + both));
                 }
             }
         }

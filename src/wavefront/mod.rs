@@ -35,9 +35,11 @@ mod bounce;
 
 // What stages call and what calls them.
 mod ahead;
+mod caustic;
 mod coverage;
 mod dimensions;
 mod direct;
+mod light_paths;
 mod one_path;
 mod queues;
 mod schedule;
@@ -50,6 +52,7 @@ mod tests;
 use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
+    light_paths::{LightPaths, LightWorker},
     queues::{HitQueue, PathQueue, ShadowQueue},
     sort::Order,
     stats::{Blocks, Counters, Stage},
@@ -94,6 +97,8 @@ pub struct Settings {
     pub blends: bool,
     /// The scene is so large that shading asks for its memory ahead.
     pub asks_ahead: bool,
+    /// Light comes from the emitters too.
+    pub caustics: bool,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
 }
@@ -106,12 +111,14 @@ pub struct Job<'a> {
     filter: FilterTable,
     sampler: Sampler,
     unit: Unit,
+    light_paths: Option<LightPaths>,
 }
 
 impl<'a> Job<'a> {
     /// For a scene and the user's settings.
     pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
         let needs = scene.needs;
+        let light_paths = LightPaths::new(scene, settings);
         Self {
             scene,
             settings: Settings {
@@ -131,12 +138,14 @@ impl<'a> Job<'a> {
                 absorbs: needs.has(SceneNeeds::VOLUMES),
                 blends: needs.has(SceneNeeds::ALPHA),
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
+                caustics: light_paths.is_some(),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
             filter: FilterTable::new(settings.filter),
             sampler: Sampler::new(settings.sampler, settings.seed),
             unit,
+            light_paths,
         }
     }
 }
@@ -149,6 +158,7 @@ pub struct Worker {
     hits: HitQueue,
     shadows: ShadowQueue,
     order: Order,
+    light: LightWorker,
     /// What this worker did.
     counters: Counters,
 }
@@ -167,11 +177,11 @@ impl Worker {
     }
 
     fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32) {
-        let Job { scene, settings, lens, filter, sampler, unit } = job;
+        let Job { scene, settings, lens, filter, sampler, unit, .. } = job;
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = Tally { unit: *unit, halves: std::mem::take(&mut tile.halves), discarded: 0 };
         let mut cursor = Cursor::new(from, to);
-        let Self { paths, next, hits, shadows, order, counters } = self;
+        let Self { paths, next, hits, shadows, order, counters, .. } = self;
         paths.rewind();
         next.rewind();
         // Once, so that no stage allocates however the paths of a wave turn out.

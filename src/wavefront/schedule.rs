@@ -10,9 +10,9 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Counters, Job, Worker};
+use super::{Counters, Job, Worker, light_paths};
 use crate::{
-    film::{Film, Unit},
+    film::{Film, Splats, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
     render::{Observer, Progress, RenderSettings, RenderStats, Rendered},
     world::units::Nit,
@@ -22,6 +22,8 @@ use crate::{
 const PASS: u32 = 16;
 /// Passes that a time limit is cut into, at least.
 const PASSES_PER_LIMIT: f64 = 24.0;
+/// Light paths after which cancelling is looked for.
+const LIGHT_PATHS_TOGETHER: u32 = 1 << 18;
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
@@ -89,12 +91,15 @@ pub(super) fn render_by(
     scene: &FlatScene,
     settings: &RenderSettings,
     observer: &dyn Observer,
-    run: impl Fn(&mut Worker, &Job, &mut crate::film::Tile, u32, u32) + Sync,
+    run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32) + Sync,
 ) -> Rendered {
     let start = Instant::now();
     let unit = Unit::for_emission(brightest(scene));
     let mut film = Film::new(settings, unit);
     let job = Job::new(scene, settings, unit);
+    if job.light_paths.is_some() {
+        film.keep_splats(settings);
+    }
     let samples = settings.samples.clone().unwrap_or(0..settings.spp.unwrap_or(u32::MAX));
     let pixels = film.tiles.iter().map(|tile| tile.pixels() as f64).sum::<f64>();
     let watcher = Watcher {
@@ -108,18 +113,49 @@ pub(super) fn render_by(
         last: Mutex::new(start),
     };
     let workers: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
-    let pass = |film: &mut Film, from: u32, to: u32| {
-        film.tiles.par_iter_mut().for_each(|tile| {
-            if watcher.cancelled.load(Ordering::Relaxed) {
+    let take = || workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
+    let give_back = |worker| workers.lock().expect("no worker panics holding it").push(worker);
+    let cancelled = || watcher.cancelled.load(Ordering::Relaxed);
+    let light = |splats: &Splats, count: u32, from: u32, to: u32| {
+        // All of a sample or nothing; of small pictures several samples at a time, so that there is work for all.
+        let together = (LIGHT_PATHS_TOGETHER / count).max(1);
+        for first in (from..to).step_by(together as usize) {
+            if cancelled() {
                 return;
             }
-            let mut worker = workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
+            let samples = first..first.saturating_add(together).min(to);
+            let chunks = count.div_ceil(light_paths::CHUNK);
+            (0..chunks * samples.len() as u32).into_par_iter().for_each(|chunk| {
+                let (sample, start) = (samples.start + chunk / chunks, chunk % chunks * light_paths::CHUNK);
+                let mut worker: Worker = take();
+                let Worker { light, counters, .. } = &mut worker;
+                light.run(&job, splats, sample, start, count.min(start + light_paths::CHUNK), counters);
+                give_back(worker);
+            });
+            samples.for_each(|sample| splats.finish(sample));
+        }
+    };
+    let pass_of_tiles = |tiles: &mut [Tile], from: u32, to: u32| {
+        tiles.par_iter_mut().for_each(|tile| {
+            if cancelled() {
+                return;
+            }
+            let mut worker: Worker = take();
             let rays = worker.counters.all_rays();
             run(&mut worker, &job, tile, from, to);
             let rays = worker.counters.all_rays() - rays;
             watcher.tick(u64::from(to - from) * tile.pixels() as u64, rays, pixels);
-            workers.lock().expect("no worker panics holding it").push(worker);
+            give_back(worker);
         });
+    };
+    let pass = |film: &mut Film, from: u32, to: u32| {
+        let Film { tiles, splats, .. } = film;
+        match (splats, &job.light_paths) {
+            (Some(splats), Some(paths)) => {
+                rayon::join(|| pass_of_tiles(tiles, from, to), || light(splats, paths.count, from, to));
+            }
+            _ => pass_of_tiles(tiles, from, to),
+        }
     };
     let mut all_passes = || {
         let mut next = samples.start;
@@ -158,6 +194,7 @@ pub(super) fn render_by(
     for worker in workers.into_inner().expect("no worker panics holding it") {
         counters.add(&worker.counters);
     }
+    counters.discarded += film.splats.as_ref().map_or(0, Splats::discarded);
     let mut stats = RenderStats {
         seconds: start.elapsed().as_secs_f64(),
         spp: film.spp(),

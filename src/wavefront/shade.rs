@@ -3,7 +3,7 @@
 use wide::f32x8;
 
 use super::{
-    Settings, ahead, dimensions, direct,
+    Settings, ahead, caustic, dimensions, direct,
     queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts},
@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// Share of the way to a light that must be clear: all of it but for the rounding of a distance.
-const BEFORE_LIGHT: f32 = 1.0 - 8.0 * f32::EPSILON;
+pub(super) const BEFORE_LIGHT: f32 = 1.0 - 8.0 * f32::EPSILON;
 
 /// Paths at surfaces, one per lane.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +79,7 @@ pub struct Departure<F: Real> {
 
 /// The solid that a ray is inside after it left a surface.
 #[inline(always)]
-fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmitted: bool) -> u32 {
+pub(super) fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmitted: bool) -> u32 {
     match (solid && transmitted, inside) {
         (true, true) => NONE,
         (true, false) => material,
@@ -174,12 +174,16 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     if settings.absorbs {
         (0..F::LANES).for_each(|lane| medium[lane] = behind(lane, transmitted));
     }
+    let mut eta_scale = at.eta_scale * drawn.eta_scale;
+    if settings.caustics {
+        eta_scale = caustic::marked(scene, &at.hits.material, &at.depth, at.eta_scale, &surface, &drawn, eta_scale);
+    }
     let departure = Departure {
         origin: surface.leave(above),
         direction: wi,
         throughput,
         pdf: drawn.pdf,
-        eta_scale: at.eta_scale * drawn.eta_scale,
+        eta_scale,
         medium,
         side: std::array::from_fn(|lane| {
             if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }

@@ -33,10 +33,12 @@ pub enum Stage {
     Connect,
     /// Roulette and compaction.
     Bounce,
+    /// Light paths, all of their stages.
+    Caustics,
 }
 
 impl Stage {
-    const ALL: [(Self, &'static str); 11] = [
+    const ALL: [(Self, &'static str); 12] = [
         (Self::Generate, "generate"),
         (Self::Intersect, "intersect"),
         (Self::Sort, "sort"),
@@ -48,6 +50,7 @@ impl Stage {
         (Self::Shade, "shade"),
         (Self::Connect, "connect"),
         (Self::Bounce, "bounce"),
+        (Self::Caustics, "caustics"),
     ];
 }
 

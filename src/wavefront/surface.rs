@@ -49,6 +49,12 @@ pub struct Surface<F: Real> {
     pub is_lifted: F::Mask,
     /// Geometric normal on the side of `wo`.
     pub ng: V3<F>,
+    /// Shading normal on the side of `wo`, before it is bent.
+    pub ns: V3<F>,
+    /// Lanes whose shading normal is not the geometric one, so that it may have to be bent.
+    pub smooth: F::Mask,
+    /// It was bent.
+    pub bent: F::Mask,
     /// Shading frame on the side of `wo`.
     pub frame: Frame<F>,
     /// Where the ray came from, unit length.
@@ -194,11 +200,11 @@ fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
     V3::select(mask, -v, v)
 }
 
-/// Bends a shading normal just so far that the mirror direction of `wo` stays above the surface.
+/// Bends a shading normal just so far that the mirror direction of `wo` stays above the surface, and says where.
 ///
 /// After Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", A.3.
 #[inline(always)]
-fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> V3<F> {
+fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
     let r = ns.scale_add(F::splat(2.0) * ns.dot(wo), -wo);
     let least = (F::splat(0.1) * wo.dot(ng)).min(F::splat(0.01));
     let height = r.dot(ng);
@@ -206,10 +212,10 @@ fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> V3<F> {
     // The mirror direction is the same for both signs of the normal; the one towards `wo` is meant.
     let ns = flip::<F>(ns.dot(wo).lt(F::zero()), ns);
     if !below.any() {
-        return ns;
+        return (ns, below);
     }
     let raised = ng.scale_add(least - height, r).normalize();
-    V3::select(below, (wo + raised).normalize(), ns)
+    (V3::select(below, (wo + raised).normalize(), ns), below)
 }
 
 /// Makes surfaces of hits.
@@ -304,8 +310,11 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     if TEXTURED {
         bent |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
     }
-    if bent != 0 {
-        ns = V3::select(F::Mask::from_bits(bent), valid_normal(ns, ng, wo), ns);
+    let smooth = F::Mask::from_bits(bent);
+    let (unbent, mut bent) = (ns, F::Mask::splat(false));
+    if smooth.any() {
+        let (valid, below) = valid_normal(ns, ng, wo);
+        (ns, bent) = (V3::select(smooth, valid, ns), below & smooth);
     }
     let frame = Frame::new(ns);
     let mut wo_local = frame.to_local(wo);
@@ -324,7 +333,24 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         lifted = p + lift;
         is_lifted = lift.dot(ng).gt(ng.abs().dot(error) * F::splat(4.0));
     }
-    Surface { p, error, reach, lifted, is_lifted, ng, frame, wo, wo_local, params }
+    Surface { p, error, reach, lifted, is_lifted, ng, ns: unbent, smooth, bent, frame, wo, wo_local, params }
+}
+
+/// How a surface looks along one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct View<F: Real> {
+    /// The direction in the shading frame; z above 0.
+    pub to_local: V3<F>,
+    /// Geometric normal on this side.
+    pub ng: V3<F>,
+    /// Shading frame on this side.
+    pub frame: Frame<F>,
+    /// The shading normal had to be bent.
+    pub bent: F::Mask,
+    /// It is the side that the surface was not met from.
+    pub other_side: F::Mask,
+    /// Appearance from this side.
+    pub params: Params<F>,
 }
 
 #[inline(always)]
@@ -454,6 +480,29 @@ fn textured<F: Real>(
 }
 
 impl<F: Real> Surface<F> {
+    /// As a path that arrived along `to` would have it, which is a unit vector away from the surface; unless `bends`, with the
+    /// shading normal as it is.
+    #[inline(always)]
+    pub fn view(&self, to: V3<F>, bends: bool) -> View<F> {
+        let zero = F::zero();
+        let other_side = to.dot(self.ng).lt(zero);
+        let (ng, mut ns) = (flip::<F>(other_side, self.ng), flip::<F>(other_side, self.ns));
+        let mut bent = F::Mask::splat(false);
+        if self.smooth.any() {
+            let (valid, below) = valid_normal(ns, ng, to);
+            let towards = flip::<F>(ns.dot(to).lt(zero), ns);
+            ns = V3::select(self.smooth, if bends { valid } else { towards }, ns);
+            bent = below & self.smooth;
+        }
+        let frame = Frame::new(ns);
+        let mut to_local = frame.to_local(to);
+        to_local.z = to_local.z.max(F::splat(1e-6));
+        let mut params = self.params;
+        let inside = params.inside;
+        params.inside = params.solid & ((inside & !other_side) | (!inside & other_side));
+        View { to_local, ng, frame, bent, other_side, params }
+    }
+
     /// Lanes in which a direction is one of reflection, and lanes in which it is one of transmission; `wi_local` is
     /// the direction in the shading frame.
     ///

@@ -274,6 +274,7 @@ impl Packet {
                 if !C::TRIVIAL {
                     match block.opacity(lane) {
                         Opacity::Solid => {}
+                        Opacity::FrontOnly if C::BACKS => {}
                         Opacity::FrontOnly => met.hits &= !met.back,
                         Opacity::Asked => met.hits = ask(&met, &eight.ids, name, coverage),
                     }

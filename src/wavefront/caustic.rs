@@ -8,12 +8,12 @@
 //! - from an emitting triangle or parallelogram of full coverage, through one or more deltas,
 //! - that the camera sees at a surface which scatters them, and from directions that the surface seldom scatters
 //!   camera paths to: what is nearly a mirror finds the light better than the light finds it,
-//! - along which no shading normal has to be bent and no reflection starts off its facet (see the shadow terminator in
-//!   `docs/model.md`): what that does to paths has no inverse.
+//! - along which no normal of a delta has to be bent and nothing else is scattered off its facet (see the shadow terminator
+//!   in `docs/model.md`): what that does to paths has no inverse.
 //!
 //! A path from the camera remembers in the sign of its `eta_scale` whether that holds so far: negative if so.
 
-use super::surface::{Surface, View};
+use super::surface::Surface;
 use crate::{
     accel::Hit,
     bsdf::Sampled,
@@ -56,7 +56,7 @@ pub fn marked<F: Real>(
     depth.iter().enumerate().take(F::LANES).for_each(|(lane, &depth)| first |= u32::from(depth == 0) << lane);
     let first = F::Mask::from_bits(first);
     let delta = drawn.delta;
-    let mut invertible = !(surface.is_lifted & !drawn.transmitted);
+    let mut invertible = !(surface.is_lifted & !drawn.transmitted & !delta);
     if delta.any() {
         invertible = invertible & (!delta | (deltas::<F>(scene, materials) & !surface.bent));
     }
@@ -83,10 +83,4 @@ pub fn emits(scene: &FlatScene, light: u32) -> bool {
     let Some(&instance) = triangles.instance.get(light as usize) else { return false };
     let material = scene.material_of(instance, triangles.triangle[light as usize]);
     scene.materials.flags[material as usize] & (flags::MASK | flags::BLEND) == 0
-}
-
-/// Lanes in which a reflection would start off its facet, as camera paths have it.
-#[inline(always)]
-pub fn lifts<F: Real>(surface: &Surface<F>, onward: &View<F>) -> F::Mask {
-    surface.is_lifted & !onward.other_side
 }

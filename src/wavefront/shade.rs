@@ -179,7 +179,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         eta_scale = caustic::marked(scene, &at.hits.material, &at.depth, at.eta_scale, &surface, &drawn, eta_scale);
     }
     let departure = Departure {
-        origin: surface.leave(above),
+        origin: surface.leave_at(above, above & !drawn.delta),
         direction: wi,
         throughput,
         pdf: drawn.pdf,

@@ -519,8 +519,14 @@ impl<F: Real> Surface<F> {
     /// point's error (Pharr, Jakob, Humphreys 2023, section 6.8.6) and by more than the test of the facet may err.
     #[inline(always)]
     pub fn leave(&self, reflected: F::Mask) -> V3<F> {
+        self.leave_at(reflected, reflected)
+    }
+
+    /// As [`Surface::leave`], from the lifted point only where it says so.
+    #[inline(always)]
+    pub fn leave_at(&self, reflected: F::Mask, lifted: F::Mask) -> V3<F> {
         let distance = self.ng.abs().dot(self.error) + self.reach;
-        let start = V3::select(reflected, self.lifted, self.p);
+        let start = V3::select(lifted, self.lifted, self.p);
         self.ng.scale_add(F::select(reflected, distance, -distance), start)
     }
 }

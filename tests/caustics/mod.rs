@@ -20,7 +20,7 @@ use wavecast::{
     },
 };
 
-use crate::common::{look, settings, show};
+use crate::common::{look, settings, show, trials::scaled};
 
 /// Blocks along an edge of a picture.
 const BLOCKS: usize = 3;
@@ -90,7 +90,7 @@ fn check_same(name: &str, scene: &mut Scene, settings: &RenderSettings) {
 }
 
 fn small() -> RenderSettings {
-    settings(18, 256)
+    settings(18, scaled(256))
 }
 
 /// A floor, a back wall and a large lamp above, facing down.

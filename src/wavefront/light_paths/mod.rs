@@ -79,7 +79,8 @@ impl LightPaths {
         let targets = Targets::new(scene);
         let emitters = Emitters::new(scene, &targets);
         let pixels = f64::from(settings.width) * f64::from(settings.height);
-        let count = 1 << (pixels * RATE).log2().round().clamp(4.0, 30.0) as u32;
+        let rate = std::env::var("WC_RATE").ok().and_then(|s| s.parse().ok()).unwrap_or(RATE);
+        let count = 1 << (pixels * rate).log2().round().clamp(4.0, 30.0) as u32;
         let filter = FilterDensity::new(settings.filter);
         (!emitters.is_empty()).then_some(Self { targets, emitters, filter, count })
     }

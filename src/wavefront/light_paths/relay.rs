@@ -161,7 +161,7 @@ pub fn relay<F: Real, B: Bsdf, const TEXTURED: bool>(
         let turned = height.abs() * cos_smooth.abs() / (view.to_local.z * cos_light);
         let value = drawn.weight * (drawn.eta_scale * turned);
         weight = V3::select(drawn.delta, value, weight);
-        let exact = caustic::deltas::<F>(scene, &at.hits.material) & !view.bent & !caustic::lifts(&surface, &view);
+        let exact = caustic::deltas::<F>(scene, &at.hits.material) & !view.bent;
         goes_on = F::Mask::from_bits((drawn.delta & exact & sides).bits() | (!drawn.delta & goes_on).bits());
     }
     let limit = F::from_fn(|lane| most_survivors(at.depth[lane]));

@@ -48,6 +48,7 @@ mod surface;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use self::{
     coverage::SceneCoverage,

@@ -129,7 +129,9 @@ pub(super) fn render_by(
                 let (sample, start) = (samples.start + chunk / chunks, chunk % chunks * light_paths::CHUNK);
                 let mut worker: Worker = take();
                 let Worker { light, counters, .. } = &mut worker;
+                let rays = counters.all_rays();
                 light.run(&job, splats, sample, start, count.min(start + light_paths::CHUNK), counters);
+                watcher.tick(0, counters.all_rays() - rays, pixels);
                 give_back(worker);
             });
             samples.for_each(|sample| splats.finish(sample));

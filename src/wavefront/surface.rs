@@ -196,7 +196,7 @@ fn fetch_shape<F: Real>(f: &mut Fetched, mesh: &FlatMesh, hits: &Incoming<F>, la
 
 /// Flips a vector where `mask` holds.
 #[inline(always)]
-fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
+pub(super) fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
     V3::select(mask, -v, v)
 }
 
@@ -204,7 +204,7 @@ fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
 ///
 /// After Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", A.3.
 #[inline(always)]
-fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
+pub(super) fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
     let r = ns.scale_add(F::splat(2.0) * ns.dot(wo), -wo);
     let least = (F::splat(0.1) * wo.dot(ng)).min(F::splat(0.01));
     let height = r.dot(ng);
@@ -336,23 +336,6 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     Surface { p, error, reach, lifted, is_lifted, ng, ns: unbent, smooth, bent, frame, wo, wo_local, params }
 }
 
-/// How a surface looks along one direction.
-#[derive(Clone, Copy, Debug)]
-pub struct View<F: Real> {
-    /// The direction in the shading frame; z above 0.
-    pub to_local: V3<F>,
-    /// Geometric normal on this side.
-    pub ng: V3<F>,
-    /// Shading frame on this side.
-    pub frame: Frame<F>,
-    /// The shading normal had to be bent.
-    pub bent: F::Mask,
-    /// It is the side that the surface was not met from.
-    pub other_side: F::Mask,
-    /// Appearance from this side.
-    pub params: Params<F>,
-}
-
 #[inline(always)]
 fn gather_params<F: Real>(scene: &FlatScene, hits: &Incoming<F>, parts: Parts) -> Params<F> {
     let materials = &scene.materials;
@@ -480,29 +463,6 @@ fn textured<F: Real>(
 }
 
 impl<F: Real> Surface<F> {
-    /// As a path that arrived along `to` would have it, which is a unit vector away from the surface; unless `bends`, with the
-    /// shading normal as it is.
-    #[inline(always)]
-    pub fn view(&self, to: V3<F>, bends: bool) -> View<F> {
-        let zero = F::zero();
-        let other_side = to.dot(self.ng).lt(zero);
-        let (ng, mut ns) = (flip::<F>(other_side, self.ng), flip::<F>(other_side, self.ns));
-        let mut bent = F::Mask::splat(false);
-        if self.smooth.any() {
-            let (valid, below) = valid_normal(ns, ng, to);
-            let towards = flip::<F>(ns.dot(to).lt(zero), ns);
-            ns = V3::select(self.smooth, if bends { valid } else { towards }, ns);
-            bent = below & self.smooth;
-        }
-        let frame = Frame::new(ns);
-        let mut to_local = frame.to_local(to);
-        to_local.z = to_local.z.max(F::splat(1e-6));
-        let mut params = self.params;
-        let inside = params.inside;
-        params.inside = params.solid & ((inside & !other_side) | (!inside & other_side));
-        View { to_local, ng, frame, bent, other_side, params }
-    }
-
     /// Lanes in which a direction is one of reflection, and lanes in which it is one of transmission; `wi_local` is
     /// the direction in the shading frame.
     ///

@@ -16,7 +16,8 @@ use crate::{
         caustic, dimensions,
         generate::{Lens, Sighting},
         stats::Counters,
-        surface::{self, Incoming, Parts, Surface, View},
+        surface::{self, Incoming, Parts, Surface},
+        view::View,
     },
 };
 

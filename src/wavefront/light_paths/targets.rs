@@ -82,7 +82,8 @@ impl Targets {
         let (distance2, radius) = (to.length_squared(), self.radius[row]);
         let sin2 = radius * radius / distance2;
         // From inside, from so near that it fills half of the sky or more, and of what has no end.
-        if !(sin2 < 0.75) {
+        let outside = sin2 < 0.75;
+        if !outside {
             return Aim { towards: None, one_minus_cos: 1.0, weight: 1.0 };
         }
         let towards = to / distance2.sqrt();

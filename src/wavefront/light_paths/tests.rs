@@ -141,7 +141,7 @@ fn balls_hold_what_they_are_for() {
 fn paths_stand_for_the_light_that_goes_to_the_glass() {
     let mut scene = Scene::new();
     glass_at(&mut scene, 1);
-    let (d, area) = (20.0_f32, 0.01);
+    let (d, area) = (20.0_f32, 0.01_f64);
     let lamp = Material { emissive: Vec3::new(1.0, 2.0, 3.0), ..Material::lambert(Vec3::ZERO) };
     let lamp = scene.spawn((Material { double_sided: false, ..lamp },));
     let mesh = TriMesh::quad(Vec3::new(-0.05, d, -0.05), Vec3::X * 0.1, Vec3::Z * 0.1);
@@ -161,7 +161,7 @@ fn paths_stand_for_the_light_that_goes_to_the_glass() {
             sum += if within { f64::from(path.flux_g) } else { 0.0 };
         }
     }
-    let want = std::f64::consts::PI * 2.0 * f64::from(area) * (0.5 / f64::from(d)).powi(2);
+    let want = std::f64::consts::PI * 2.0 * area * (0.5 / f64::from(d)).powi(2);
     let got = sum / f64::from(light.count);
     assert!((got / want - 1.0).abs() < 0.02, "{got} {want}");
     for off in

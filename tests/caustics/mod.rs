@@ -264,8 +264,7 @@ fn cameras_and_filters_see_the_same() {
         &mut scene(),
         &RenderSettings { crop: Some([12, 9, 17, 11]), filter: PixelFilter::Gaussian, ..wide },
     );
-    let mut flat = Scene::new();
-    std::mem::swap(&mut flat, &mut scene());
+    let mut flat = scene();
     for key in flat.keys_with::<Camera>() {
         let projection = Projection::Orthographic { xmag: 1.4, ymag: 1.2 };
         flat.insert(key, Camera { projection, znear: 3.1, zfar: 5.9 });

@@ -15,7 +15,8 @@
 //!
 //! Between `sort` and `shade` run the stages that not every scene needs: `absorb` (light fades inside
 //! solids), `layers` (albedo, normals and the like), `sky` and `emit` (light that paths arrive at, added
-//! to the tile's sums). One turn of the loop is one application of the light-transport operator.
+//! to the tile's sums). Where emitters light something by mirrors or clear glass, light paths start at these and are seen by
+//! the camera; what they bring is added up apart, since it falls on any pixel. One turn of the loop is one application of the light-transport operator.
 //!
 //! # The tree
 //!

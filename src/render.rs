@@ -96,6 +96,9 @@ pub struct RenderSettings {
     pub terminator_fix: bool,
     /// Whether neighbouring pixels share the light that their paths find.
     pub sharing: Sharing,
+    /// Trace light from the emitters through mirrors and clear glass, rather than leave it to paths from the camera to find
+    /// an emitter behind them. It changes no expected value; off only to test that, and to measure what it gains.
+    pub caustics: bool,
     /// Alpha 0 where the background shows, and no background light there.
     pub transparent: bool,
     /// Layers beside the beauty picture.
@@ -127,6 +130,7 @@ impl Default for RenderSettings {
             filter: PixelFilter::default(),
             terminator_fix: true,
             sharing: Sharing::default(),
+            caustics: true,
             transparent: false,
             layers: Vec::new(),
             wave_size: 2048,

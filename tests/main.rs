@@ -4,6 +4,7 @@ mod accel;
 mod allocation;
 mod analytic;
 mod assets;
+mod caustics;
 mod cli;
 mod common;
 mod confidence;

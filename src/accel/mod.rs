@@ -79,6 +79,9 @@ pub trait Coverage {
     /// True if everything covers; what is known of the triangles' [`Opacity`] is then not even read.
     const TRIVIAL: bool;
 
+    /// True if surfaces without a back stop rays there all the same.
+    const BACKS: bool = false;
+
     /// True if the ray `ray_id` stops at this hit. It must agree with what is known of the triangle: it is asked of those that
     /// are [`Opacity::Asked`], and outside the eight-wide tree of all in a mesh of which some are not solid.
     fn covers(&self, ray_id: u32, hit: &Hit) -> bool;

@@ -383,6 +383,8 @@ impl<'a> Slot<'a> {
         if ANY {
             let (hit, asked) = if C::TRIVIAL {
                 (block.any(&self.ray, self.t_max), false)
+            } else if C::BACKS {
+                (false, block.any(&self.ray, self.t_max))
             } else {
                 block.any_there(&self.ray, self.t_max)
             };
@@ -396,8 +398,11 @@ impl<'a> Slot<'a> {
             self.current |= hit;
             return next | (hit >> 29) as usize;
         }
-        let nearest =
-            if C::TRIVIAL { block.nearest(&self.ray, self.t_max) } else { block.nearest_there(&self.ray, self.t_max) };
+        let nearest = if C::TRIVIAL || C::BACKS {
+            block.nearest(&self.ray, self.t_max)
+        } else {
+            block.nearest_there(&self.ray, self.t_max)
+        };
         // A branch, because then what is next does not wait for the test: four of five leaves are missed.
         let Some((lane, hit)) = nearest else { return self.pop::<ANY>() };
         if !C::TRIVIAL && block.opacity(lane) == Opacity::Asked {

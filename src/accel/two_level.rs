@@ -427,7 +427,7 @@ pub(super) fn is_there<C: Coverage>(opacity: Opacity, ray_id: u32, hit: &Hit, co
     C::TRIVIAL
         || match opacity {
             Opacity::Solid => true,
-            Opacity::FrontOnly => !hit.back,
+            Opacity::FrontOnly => C::BACKS || !hit.back,
             Opacity::Asked => coverage.covers(ray_id, hit),
         }
 }

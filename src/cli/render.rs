@@ -307,6 +307,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         seed: args.seed,
         sampler: args.sampler.into(),
         filter: args.filter.into(),
+        caustics: true,
         terminator_fix: !args.no_terminator_fix,
         sharing: if args.no_reuse { Sharing::Off } else { Sharing::WherePays },
         transparent: args.transparent,

@@ -59,7 +59,8 @@ impl Film {
         }
         let mean = self.mean();
         let floor = 0.01 * (mean.iter().map(|channel| channel.value).sum::<f64>() / 3.0).powi(2);
-        let by_tile: Vec<Vec<Block>> = self.tiles.par_iter().map(|tile| self.block_errors(tile, floor)).collect();
+        let by_tile: Vec<Vec<Block>> =
+            self.tiles.par_iter().enumerate().map(|(row, tile)| self.block_errors(row, tile, floor)).collect();
         let values = f64::from(self.window[2]) * f64::from(self.window[3]) * 3.0;
         let (mut error, mut variance, mut spread) = (0.0, 0.0, 0.0);
         for block in by_tile.iter().flatten() {
@@ -83,11 +84,13 @@ impl Film {
         let sums: Vec<Vec<[Estimate; 3]>> = self
             .tiles
             .par_iter()
-            .map(|tile| {
+            .enumerate()
+            .map(|(row, tile)| {
+                let means = self.means_of(row, tile);
                 let block = |pixels: &Vec<usize>| {
                     let sums: [[f64; 3]; REPLICAS] = std::array::from_fn(|replica| {
                         pixels.iter().fold([0.0; 3], |sum, &pixel| {
-                            let x = self.replica_mean(tile, pixel, replica);
+                            let x = means(pixel, replica);
                             std::array::from_fn(|c| sum[c] + x[c])
                         })
                     });
@@ -111,7 +114,16 @@ impl Film {
         Estimate { value, ..Estimate::of(means) }
     }
 
-    /// The mean of a pixel over the samples of one replica.
+    /// By pixel and replica, means with all light in them.
+    fn means_of<'a>(&'a self, row: usize, tile: &'a Tile) -> impl Fn(usize, usize) -> [f64; 3] + 'a {
+        let splatted = self.splatted(row);
+        move |pixel, replica| {
+            let mean = self.replica_mean(tile, pixel, replica);
+            std::array::from_fn(|c| mean[c] + splatted(pixel, c)[replica])
+        }
+    }
+
+    /// The mean of a pixel over the samples of one replica, but for splats.
     pub(super) fn replica_mean(&self, tile: &Tile, pixel: usize, replica: usize) -> [f64; 3] {
         let scale = self.unit.value(1) / f64::from(tile.samples[replica]);
         tile.replicas[replica].0[pixel].map(|sum| sum as f64 * scale)
@@ -129,7 +141,8 @@ impl Film {
         blocks
     }
 
-    fn block_errors(&self, tile: &Tile, floor: f64) -> Vec<Block> {
+    fn block_errors(&self, row: usize, tile: &Tile, floor: f64) -> Vec<Block> {
+        let means = self.means_of(row, tile);
         let pairings = if self.adaptive { &PAIRINGS[..1] } else { &PAIRINGS[..] };
         let weights = tile.weights(self.adaptive);
         // Share of a replica's mean in the pixel's.
@@ -138,7 +151,7 @@ impl Film {
             let mut error = 0.0;
             let mut products = [0.0; PAIRINGS.len()];
             for &pixel in pixels {
-                let x: [_; REPLICAS] = std::array::from_fn(|replica| self.replica_mean(tile, pixel, replica));
+                let x: [_; REPLICAS] = std::array::from_fn(|replica| means(pixel, replica));
                 for x in [0, 1, 2].map(|c| x.map(|mean| mean[c])) {
                     for (pairing, product) in pairings.iter().zip(&mut products) {
                         let difference = pairing.map(|[a, b]| x[a] - x[b]);

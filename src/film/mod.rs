@@ -13,6 +13,7 @@ mod metadata;
 mod picture;
 mod png;
 mod read;
+mod splats;
 mod sums;
 mod tiles;
 mod tonemap;
@@ -24,6 +25,7 @@ pub use self::{
     estimate::PictureError,
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
+    splats::{Splat, Splats},
     sums::{Sums, Unit},
     tiles::{BLOCK, Film, Tile},
     tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},

@@ -1,6 +1,6 @@
 //! The film as tiles, each owned by one worker at a time, and its resolution to a picture.
 
-use super::{Layer, LayerData, Picture, Sums, Unit};
+use super::{Layer, LayerData, Picture, Splats, Sums, Unit};
 use crate::{
     render::{LayerKind, RenderSettings},
     sampling::REPLICAS,
@@ -61,7 +61,7 @@ impl Tile {
 }
 
 /// All tiles of a picture, or of the part of it that is rendered.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Film {
     /// x, y, width, height of the part that was asked for; the tiles cover all blocks that it touches.
     pub window: [u32; 4],
@@ -75,6 +75,8 @@ pub struct Film {
     pub transparent: bool,
     /// True if blocks, which are then a tile each, get samples by their error.
     pub adaptive: bool,
+    /// Light that falls anywhere, if some does.
+    pub splats: Option<Splats>,
 }
 
 impl Film {
@@ -110,7 +112,29 @@ impl Film {
                 });
             }
         }
-        Self { window, unit, tiles, layers: settings.layers.clone(), transparent: settings.transparent, adaptive }
+        let (layers, transparent) = (settings.layers.clone(), settings.transparent);
+        Self { window, unit, tiles, layers, transparent, adaptive, splats: None }
+    }
+
+    /// Makes room for light that falls anywhere.
+    pub fn keep_splats(&mut self) {
+        self.splats = Some(Splats::new(&self.tiles, self.unit));
+    }
+
+    /// What splats add to the means of a tile's pixels; of each replica, and of all together last.
+    pub(super) fn splatted(&self, tile: usize) -> impl Fn(usize, usize) -> [f64; REPLICAS + 1] {
+        let (unit, found) = (self.unit, self.splats.as_ref().map(|splats| (splats.tile(tile), splats.samples())));
+        move |pixel, channel| match &found {
+            None => [0.0; REPLICAS + 1],
+            Some((sums, samples)) => {
+                let mean = |sum: i128, count: u32| unit.value(sum) / f64::from(count.max(1));
+                let sum = |replica: usize| sums[replica].0[pixel][channel];
+                std::array::from_fn(|replica| match samples.get(replica) {
+                    Some(&count) => mean(sum(replica), count),
+                    None => mean((0..REPLICAS).map(sum).sum(), samples.iter().sum()),
+                })
+            }
+        }
     }
 
     /// Pixel means as a picture.
@@ -125,7 +149,8 @@ impl Film {
             layers: self.layers.iter().map(|kind| kind.blank(pixels)).collect(),
             metadata: Vec::new(),
         };
-        for tile in &self.tiles {
+        for (row, tile) in self.tiles.iter().enumerate() {
+            let splatted = self.splatted(row);
             let samples: u32 = tile.samples.iter().sum();
             let scale = 1.0 / f64::from(samples.max(1));
             let weights = tile.weights(self.adaptive);
@@ -134,11 +159,12 @@ impl Film {
                 picture.rgb[at] = std::array::from_fn(|i| {
                     let sums = tile.replicas.each_ref().map(|sums| sums.0[pixel][i]);
                     // Exactly as long as that can be, so that ranges of samples can be joined.
-                    if even {
-                        (self.unit.value(sums.iter().sum()) * weights[0]) as f32
+                    let mean = if even {
+                        self.unit.value(sums.iter().sum()) * weights[0]
                     } else {
-                        sums.iter().zip(weights).map(|(&sum, weight)| self.unit.value(sum) * weight).sum::<f64>() as f32
-                    }
+                        sums.iter().zip(weights).map(|(&sum, weight)| self.unit.value(sum) * weight).sum::<f64>()
+                    };
+                    (mean + splatted(pixel, i)[REPLICAS]) as f32
                 });
                 if let Some(alpha) = &mut picture.alpha {
                     alpha[at] = (f64::from(tile.covered[pixel]) * scale) as f32;

@@ -20,6 +20,8 @@ pub mod flags {
     pub const TEXTURED: u32 = 1 << 6;
     /// Emits.
     pub const EMISSIVE: u32 = 1 << 7;
+    /// Has a lobe that is a mirror or clear glass, wherever it is met.
+    pub const DELTA: u32 = 1 << 8;
 }
 
 /// Alpha from which on a blended surface covers wholly: one, less what rounding may take from it, and above all else that

@@ -39,8 +39,11 @@ impl SceneNeeds {
     /// Something visible is given by a formula.
     pub const SHAPES: Self = Self(1 << 15);
 
+    /// Something visible emits, and something is a mirror or clear glass, between which light is traced from the emitters.
+    pub const CAUSTICS: Self = Self(1 << 16);
+
     /// Every need with its name.
-    pub const ALL: [(Self, &'static str); 16] = [
+    pub const ALL: [(Self, &'static str); 17] = [
         (Self::TEXTURES, "textures"),
         (Self::NORMAL_MAPS, "normal maps"),
         (Self::ALPHA, "alpha"),
@@ -57,6 +60,7 @@ impl SceneNeeds {
         (Self::UNLIT, "unlit"),
         (Self::INSTANCING, "instancing"),
         (Self::SHAPES, "shapes"),
+        (Self::CAUSTICS, "caustics"),
     ];
 
     /// True if all of `needs` are in the set.

@@ -318,7 +318,8 @@ impl ShadingPoint {
     fn sample(&self, wo: DVec3, u: [f64; 4]) -> Option<(BsdfSample, DVec3)> {
         let sample = bsdf::sample(&self.surface, self.local(wo), u)?;
         let wi = self.frame * sample.wi;
-        let origin = if sample.wi.z > 0.0 { self.p_lifted } else { self.p };
+        let lifted = sample.wi.z > 0.0 && sample.pdf.is_some();
+        let origin = if lifted { self.p_lifted } else { self.p };
         self.sides_agree(wi).then_some((BsdfSample { wi, ..sample }, origin))
     }
 

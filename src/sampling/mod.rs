@@ -12,6 +12,6 @@ mod table;
 pub(crate) mod tests;
 pub mod warp;
 
-pub use filter::{FilterTable, filter_offset};
+pub use filter::{FilterDensity, FilterTable, filter_offset};
 pub use sampler::{REPLICAS, Sampler, replica};
 pub use table::{AliasTable, lengthen};

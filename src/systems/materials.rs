@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::textures::TextureTable;
 use crate::{
+    bsdf::DELTA_ALPHA,
     flat::{Decode, MaterialRow, Materials, NONE, ShadingClass, flags},
     world::{AlphaMode, EmissiveSurface, Material, SceneKey},
 };
@@ -83,6 +84,9 @@ fn row_of(m: &Material, key: Option<SceneKey>, vertex_colors: bool, textures: &m
     add_if(flags::SOLID, m.is_solid());
     add_if(flags::TEXTURED, textured);
     add_if(flags::EMISSIVE, emits);
+    // Where a texture has a say, few of its texels are smooth enough; paths find what those do.
+    let smooth = metallic_roughness_texture == NONE && m.roughness * m.roughness < DELTA_ALPHA;
+    add_if(flags::DELTA, smooth && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0 || transmissive));
     let absorption = m.attenuation_color.to_array().map(|color| {
         // Black would be absorbed at once; the smallest positive colour is near enough and stays finite.
         if m.is_solid() && m.attenuation_distance.is_finite() {

@@ -19,6 +19,7 @@ pub fn of(flat: &FlatScene) -> SceneNeeds {
     needs.add_if(SceneNeeds::VOLUMES, materials.absorption.iter().any(|&a| a != [0.0; 3]));
     let area_lights = !flat.lights.triangles.is_empty() || !flat.lights.shapes.is_empty();
     needs.add_if(SceneNeeds::AREA_LIGHTS, area_lights);
+    needs.add_if(SceneNeeds::CAUSTICS, area_lights && any_flag(flags::DELTA));
     needs.add_if(SceneNeeds::SHAPES, flat.meshes.iter().any(|mesh| mesh.shape.is_some()));
     needs.add_if(SceneNeeds::LOCAL_LIGHTS, !flat.lights.local.is_empty());
     needs.add_if(SceneNeeds::DISTANT_LIGHTS, !flat.lights.distant.is_empty());

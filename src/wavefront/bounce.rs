@@ -27,7 +27,7 @@ pub fn most_survivors(depth: u32) -> f32 {
 /// survivors are weighted by 1/q (Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
 #[inline(always)]
 pub fn survival<F: Real>(most: F, eta_scale: F, limit: F) -> F {
-    (most * eta_scale).min(limit)
+    (most * eta_scale.abs()).min(limit)
 }
 
 /// Moves the paths of `from` that survive to the end of `to`, which has room for them.

@@ -47,13 +47,12 @@ impl<'a> SceneCoverage<'a> {
     }
 }
 
-impl Coverage for SceneCoverage<'_> {
-    const TRIVIAL: bool = false;
-
-    fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
+impl SceneCoverage<'_> {
+    /// As [`Coverage::covers`], for `BACKS` too.
+    fn covers_with<const BACKS: bool>(&self, ray_id: u32, hit: &Hit) -> bool {
         let material = self.scene.material_of(hit.instance, hit.triangle) as usize;
         let bits = self.scene.materials.flags[material];
-        if hit.back && bits & (flags::DOUBLE_SIDED | flags::TRANSMISSION) == 0 {
+        if !BACKS && hit.back && bits & (flags::DOUBLE_SIDED | flags::TRANSMISSION) == 0 {
             return false;
         }
         if bits & (flags::MASK | flags::BLEND) == 0 {
@@ -70,5 +69,28 @@ impl Coverage for SceneCoverage<'_> {
             let u = mix(ray_id ^ mix(place ^ mix(hit.instance))) >> 8;
             (u as f32) * (1.0 / 16_777_216.0) < alpha || alpha >= COVERS
         }
+    }
+}
+
+impl Coverage for SceneCoverage<'_> {
+    const TRIVIAL: bool = false;
+
+    fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
+        self.covers_with::<false>(ray_id, hit)
+    }
+}
+
+/// Asks the materials of a scene for rays that run with the light.
+///
+/// A surface without a back lets those through that run against the light, but may have scattered the same light at its
+/// front: so these stop at both sides, and what stopped them is to tell which.
+pub struct BothSides<'a>(pub SceneCoverage<'a>);
+
+impl Coverage for BothSides<'_> {
+    const TRIVIAL: bool = false;
+    const BACKS: bool = true;
+
+    fn covers(&self, ray_id: u32, hit: &Hit) -> bool {
+        self.0.covers_with::<true>(ray_id, hit)
     }
 }

@@ -307,7 +307,7 @@ pub fn sample<F: Real>(
 }
 
 /// What the texture of a flat light makes of its radiance.
-fn texel(scene: &FlatScene, row: usize, b1: f32, b2: f32) -> [f32; 4] {
+pub(super) fn texel(scene: &FlatScene, row: usize, b1: f32, b2: f32) -> [f32; 4] {
     let triangles = &scene.lights.triangles;
     let texture = triangles.texture[row];
     let mesh = &scene.meshes[scene.instances.mesh[triangles.instance[row] as usize] as usize];

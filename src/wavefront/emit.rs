@@ -1,7 +1,7 @@
 //! Adds the light of emitting and unlit surfaces that paths arrived at.
 
 use super::{
-    direct,
+    caustic, direct,
     queues::{HitQueue, PathQueue},
     tally::Tally,
 };
@@ -94,7 +94,7 @@ pub fn emit(
         let i = row as usize;
         let hit = hit_at(hits, i);
         let light = emitted(scene, materials[i], &hit, lookups);
-        if light != [0.0; 3] {
+        if light != [0.0; 3] && !caustic::is_one(scene, paths.eta_scale[i], paths.pdf[i], &hit) {
             let at = Receiver::new([paths.ox[i], paths.oy[i], paths.oz[i]], paths.side[i]);
             let weight = weight(scene, paths.pdf[i], &at, &hit, [paths.dx[i], paths.dy[i], paths.dz[i]]);
             add(tally, paths, i, light, weight);

@@ -53,6 +53,55 @@ impl Lens {
     }
 }
 
+/// A point as the camera sees it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sighting {
+    /// Place on the film, pixels, y down.
+    pub film: [f64; 2],
+    /// Start of the camera's ray, m.
+    pub origin: [f32; 3],
+    /// Its direction, unit length.
+    pub direction: [f32; 3],
+    /// From its start to the point, m.
+    pub distance: f32,
+    /// Pixels that a surface of 1 m² would fill there, if it faced the camera and were seen everywhere as it is at the point.
+    pub pixels: f32,
+}
+
+impl Lens {
+    /// The inverse of [`Lens::ray`]; none for what is not between the clipping planes.
+    #[inline]
+    pub fn see(&self, p: [f32; 3]) -> Option<Sighting> {
+        let view = &self.view;
+        let to = DVec3::from_array(p.map(f64::from)) - view.origin;
+        let depth = to.dot(view.forward);
+        let (near, far) = (f64::from(view.znear), f64::from(view.zfar));
+        if !(depth > near.max(0.0) && depth <= far) {
+            return None;
+        }
+        let across = [view.right, view.up].map(|axis| to.dot(axis));
+        let (half, direction, start, cos) = match view.projection {
+            ViewProjection::Perspective { tan_half_yfov } => {
+                let distance = to.length();
+                (tan_half_yfov * depth, to / distance, view.origin, depth / distance)
+            }
+            ViewProjection::Orthographic { half_height } => {
+                (half_height, view.forward, view.origin + (to - depth * view.forward), 1.0)
+            }
+        };
+        // A piece of the film at the point's depth, as large as the surface seen there, is turned away from it by `cos`.
+        let per_metre = 0.5 * self.height / half;
+        let [s, t] = across.map(|x| x * per_metre);
+        Some(Sighting {
+            film: [0.5 * self.width + s, 0.5 * self.height - t],
+            origin: (start + near / cos * direction).as_vec3().to_array(),
+            direction: direction.as_vec3().to_array(),
+            distance: ((depth - near) / cos) as f32,
+            pixels: (per_metre * per_metre / cos) as f32,
+        })
+    }
+}
+
 /// Which camera samples of a tile have been started: eight neighbouring pixels at a time, of these sample by sample, so
 /// that rays which follow one another run side by side.
 #[derive(Clone, Copy, Debug)]

@@ -20,7 +20,7 @@ use std::array;
 use wide::f32x8;
 
 use super::{
-    Job,
+    Job, caustic,
     queues::{LinkBlock, LinkQueue},
     reuse::{Far, Glimpse, KINDS, Near, Reuse, Vertex, stage},
     shade::BEFORE_LIGHT,
@@ -71,6 +71,8 @@ struct Group {
 #[derive(Clone, Debug, Default)]
 pub struct Joiner {
     links: LinkQueue,
+    /// Some light is left to light paths.
+    caustics: bool,
     groups: Vec<Group>,
     /// The far vertices that links lead to, sixteen links each.
     fars: Vec<u32>,
@@ -108,6 +110,7 @@ impl Joiner {
         self.pairs.resize(BATCH, [[NO_PAIRS; BLOCKS]; FINDS]);
         self.seen.resize(BATCH, [[0; BLOCKS]; FINDS]);
         self.groups.clear();
+        self.caustics = job.settings.caustics;
         let first = |at: u32| at / SQUARE * SQUARE;
         for sample in (from..to).step_by(step as usize) {
             for y in (first(y0)..y0 + height).step_by(SQUARE as usize) {
@@ -163,7 +166,7 @@ impl Joiner {
                 let place = find.place(j);
                 for (pairs, near) in pairs[place].iter_mut().zip(&near) {
                     *pairs = near.as_ref().map_or(NO_PAIRS, |near| match find {
-                        Find::Surface => near.pairs(&reuse.far[row], &reuse.light[row]),
+                        Find::Surface => near.pairs(&reuse.far[row], &reuse.light[row], self.caustics),
                         Find::Sky => near.glimpses::<false>(&reuse.glimpses[0][row]),
                         Find::Lit => near.glimpses::<true>(&reuse.glimpses[1][row]),
                     });
@@ -337,7 +340,7 @@ impl NearBlock {
 
     /// What the eight pixels get from a far vertex that reflects `light`.
     #[inline(always)]
-    fn pairs(&self, far: &Far, light: &[[f32; 3]; 2]) -> Pairs {
+    fn pairs(&self, far: &Far, light: &[[f32; 3]; 2], caustics: bool) -> Pairs {
         let y = &far.at;
         let (ng, ns) = (V3::from_array(y.ng), V3::from_array(y.ns));
         let way = V3::from_array(y.p) - self.p;
@@ -358,6 +361,10 @@ impl NearBlock {
         let geometry = cos / Real::select(apart, distance2, f32x8::ONE);
         let density = pdf * geometry;
         stands = stands & Real::gt(density, f32x8::splat(f32::MIN_POSITIVE));
+        if caustics {
+            // For all others, the far vertex's light has caustics in it that these leave to light paths.
+            stands = stands & caustic::seldom(pdf);
+        }
         let [first, later] = light.map(V3::<f32x8>::from_array);
         let light = if y.is_lambert() {
             first + later

@@ -39,9 +39,11 @@ mod join;
 
 // What stages call and what calls them.
 mod ahead;
+mod caustic;
 mod coverage;
 mod dimensions;
 mod direct;
+mod light_paths;
 mod one_path;
 mod pilot;
 mod queues;
@@ -52,11 +54,13 @@ mod surface;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
     join::Joiner,
+    light_paths::{LightPaths, LightWorker},
     queues::{HitQueue, PathQueue, ShadowQueue},
     reuse::{Reuse, Shares},
     sort::Order,
@@ -104,6 +108,8 @@ pub struct Settings {
     pub blends: bool,
     /// The scene is so large that shading asks for its memory ahead.
     pub asks_ahead: bool,
+    /// Light comes from the emitters too.
+    pub caustics: bool,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
 }
@@ -116,6 +122,7 @@ pub struct Job<'a> {
     filter: FilterTable,
     sampler: Sampler,
     unit: Unit,
+    light_paths: Option<LightPaths>,
 }
 
 impl<'a> Job<'a> {
@@ -123,6 +130,7 @@ impl<'a> Job<'a> {
     pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
         let needs = scene.needs;
         let sampler = Sampler::new(settings.sampler, settings.seed);
+        let light_paths = LightPaths::new(scene, settings);
         Self {
             scene,
             settings: Settings {
@@ -143,12 +151,14 @@ impl<'a> Job<'a> {
                 blends: needs.has(SceneNeeds::ALPHA),
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
                 shares: shares(scene, settings),
+                caustics: light_paths.is_some(),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
             filter: FilterTable::new(settings.filter),
             sampler: if settings.is_adaptive() { sampler.in_replicas() } else { sampler },
             unit,
+            light_paths,
         }
     }
 }
@@ -175,6 +185,7 @@ pub struct Worker {
     order: Order,
     reuse: Reuse,
     joiner: Joiner,
+    light: LightWorker,
     /// What this worker did.
     counters: Counters,
 }
@@ -193,7 +204,7 @@ impl Worker {
     }
 
     fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32, step: u32) {
-        let Job { scene, settings, lens, filter, sampler, unit } = job;
+        let Job { scene, settings, lens, filter, sampler, unit, .. } = job;
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let replicas = std::mem::take(&mut tile.replicas);
         let mut tally = Tally { unit: *unit, replicas, discarded: 0, reuse: std::mem::take(&mut self.reuse) };

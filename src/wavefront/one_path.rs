@@ -5,6 +5,7 @@
 use super::{
     Job, Worker, absorb,
     bounce::{ROULETTE_FROM, most_survivors, survival},
+    caustic,
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
     emit, parts_of,
@@ -115,7 +116,9 @@ fn trace<C: Coverage>(
                 throughput = throughput * V3::from_array(keep);
             }
         }
-        if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
+        if scene.materials.flags[material as usize] & flags::EMISSIVE != 0
+            && !caustic::is_one(scene, eta_scale, pdf, &hit)
+        {
             let light = emit::emitted(scene, material, &hit, &mut counters.texture_lookups);
             let weight = emit::weight(scene, pdf, &Receiver::new(origin, side), &hit, direction);
             tally.add(slot, sample, (throughput * V3::from_array(light) * weight).lane(0));

@@ -46,6 +46,8 @@ macro_rules! queue {
     };
 }
 
+pub(super) use queue;
+
 queue! {
     /// Paths under way, one row each. A row's ray starts at the path's last vertex.
     pub struct PathQueue of Path by PathBlock {
@@ -72,7 +74,8 @@ queue! {
         /// Density per sr with which the BSDF drew the direction; 0 where no light sample competes
         /// with it: camera rays and deltas.
         pdf: f32,
-        /// Product of η² along the path, which roulette must not take for a gain or loss.
+        /// Product of η² along the path, which roulette must not take for a gain or loss. Its sign says whether the path's light
+        /// may come [from the emitters](super::caustic).
         eta_scale: f32,
         /// Place of the pixel in the tile sums.
         slot: u32,

@@ -11,11 +11,12 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Counters, Job, Worker, pilot};
+use super::{Counters, Job, Worker, light_paths, pilot};
 use crate::{
-    film::{Film, Growth, Tile, Unit},
+    film::{Film, Growth, Splats, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
     render::{Observer, Progress, RenderSettings, RenderStats, Rendered},
+    sampling::REPLICAS,
     world::units::Nit,
 };
 
@@ -30,6 +31,8 @@ const MOST_GROWTH: f64 = 6.0;
 const EVEN_SHARE: f64 = 0.25;
 /// A round aims at this share of the squared error that is asked for, so that mostly it is the last one.
 const AIM: f64 = 0.95;
+/// Light paths after which cancelling is looked for.
+const LIGHT_PATHS_TOGETHER: u32 = 1 << 18;
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
@@ -139,11 +142,42 @@ impl<R: Run> Passes<'_, R> {
 
     /// Adds the samples `from..to` to all tiles.
     fn pass(&self, film: &mut Film, from: u32, to: u32) {
-        film.tiles.par_iter_mut().for_each(|tile| {
-            if !self.watcher.cancelled() {
-                self.add(tile, from, to, 1);
+        let Film { tiles, splats, .. } = film;
+        let mut of_tiles = || {
+            tiles.par_iter_mut().for_each(|tile| {
+                if !self.watcher.cancelled() {
+                    self.add(tile, from, to, 1);
+                }
+            });
+        };
+        match splats {
+            Some(splats) => drop(rayon::join(of_tiles, || self.light(splats, from, to))),
+            None => of_tiles(),
+        }
+    }
+
+    /// Adds the samples `from..to` of light that falls anywhere.
+    fn light(&self, splats: &Splats, from: u32, to: u32) {
+        let Some(count) = self.job.light_paths.as_ref().map(|paths| paths.count) else { return };
+        // All of a sample or nothing; of small pictures several samples at a time, so that there is work for all.
+        let together = (LIGHT_PATHS_TOGETHER / count).max(1);
+        for first in (from..to).step_by(together as usize) {
+            if self.watcher.cancelled() {
+                return;
             }
-        });
+            let samples = first..first.saturating_add(together).min(to);
+            let chunks = count.div_ceil(light_paths::CHUNK);
+            (0..chunks * samples.len() as u32).into_par_iter().for_each(|chunk| {
+                let (sample, start) = (samples.start + chunk / chunks, chunk % chunks * light_paths::CHUNK);
+                let mut worker = self.workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
+                let Worker { light, counters, .. } = &mut worker;
+                let rays = counters.all_rays();
+                light.run(&self.job, splats, sample, start, count.min(start + light_paths::CHUNK), counters);
+                self.watcher.tick(0, counters.all_rays() - rays);
+                self.workers.lock().expect("no worker panics holding it").push(worker);
+            });
+            samples.for_each(|sample| splats.finish(sample));
+        }
     }
 
     /// As many samples for all pixels, until there are enough or the time is over.
@@ -211,6 +245,12 @@ impl<R: Run> Passes<'_, R> {
                 Some((shares, growth)) => {
                     let counts = film.allocate(shares, growth);
                     self.round(film, &counts);
+                    // What falls anywhere gets as many samples as pixels have on average.
+                    if let Some(splats) = &film.splats {
+                        let done = splats.samples().iter().sum();
+                        let end = (film.spp() as u32).next_multiple_of(REPLICAS as u32);
+                        self.light(splats, done, end.max(done));
+                    }
                 }
             }
             let done = watcher.done.load(Ordering::Relaxed) as f64;
@@ -284,6 +324,9 @@ pub(super) fn render_by(
         },
         workers: Mutex::new(Vec::new()),
     };
+    if passes.job.light_paths.is_some() {
+        film.keep_splats();
+    }
     let mut stats = RenderStats::default();
     let mut all_passes = || {
         passes.job.settings.shares = pilot::plan(&passes.job, settings);
@@ -307,6 +350,7 @@ pub(super) fn render_by(
     for worker in passes.workers.into_inner().expect("no worker panics holding it") {
         counters.add(&worker.counters);
     }
+    counters.discarded += film.splats.as_ref().map_or(0, Splats::discarded);
     counters.report(&mut stats);
     Rendered { picture, stats }
 }

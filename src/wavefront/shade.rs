@@ -3,9 +3,9 @@
 use wide::f32x8;
 
 use super::{
-    Settings, ahead, dimensions, direct,
+    Settings, ahead, caustic, dimensions, direct,
     queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
-    reuse::{FIRST, Glimpse, Reuse, SHARED, Shares},
+    reuse::{FIRST, Glimpse, Reuse, SHARED},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts, Surface},
 };
@@ -85,7 +85,7 @@ pub struct Departure<F: Real> {
 
 /// The solid that a ray is inside after it left a surface.
 #[inline(always)]
-fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmitted: bool) -> u32 {
+pub(super) fn medium_behind(medium: u32, material: u32, solid: bool, inside: bool, transmitted: bool) -> u32 {
     match (solid && transmitted, inside) {
         (true, true) => NONE,
         (true, false) => material,
@@ -113,17 +113,24 @@ impl<F: Real> Role<F> {
 }
 
 #[inline(always)]
-fn role<F: Real>(at: &Arrived<F>, shares: Shares, surface: &Surface<F>, reuse: &mut Reuse) -> Role<F> {
+fn role<F: Real>(at: &Arrived<F>, settings: &Settings, surface: &Surface<F>, reuse: &mut Reuse) -> Role<F> {
     let mut role = Role::alone(at);
     let early = (0..F::LANES).filter(|&lane| at.depth[lane] < 2).fold(0, |bits, lane| bits | 1 << lane);
-    let lanes = at.active & early & Reuse::takes_part(&surface.params).bits();
+    let mut lanes = at.active & early & Reuse::takes_part(&surface.params).bits();
+    if settings.caustics {
+        // Which of its light is left to light paths would not be the same for all who share it.
+        lanes &= !surface.is_lifted.bits();
+    }
     for lane in (0..F::LANES).filter(|lane| lanes >> lane & 1 == 1) {
         if at.medium[lane] != NONE {
             continue;
         }
         if at.depth[lane] == 0 {
             role.near |= 1 << lane;
-        } else if shares.surface && reuse.awaits_far(at.slot[lane], at.sample[lane]) && surface.bent >> lane & 1 == 0 {
+        } else if settings.shares.surface
+            && reuse.awaits_far(at.slot[lane], at.sample[lane])
+            && surface.bent.bits() >> lane & 1 == 0
+        {
             role.far |= 1 << lane;
             reuse.keep_far(surface, at, lane);
             role.slot[lane] |= SHARED;
@@ -168,11 +175,8 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         medium_behind(at.medium[lane], at.hits.material[lane], bit(solids), bit(insides), bit(transmitted))
     };
 
-    let Role { near, far, throughput, eta_scale, slot } = if settings.shares.any() && !transmissive {
-        role(at, settings.shares, &surface, reuse)
-    } else {
-        Role::alone(at)
-    };
+    let Role { near, far, throughput, eta_scale, slot } =
+        if settings.shares.any() && !transmissive { role(at, settings, &surface, reuse) } else { Role::alone(at) };
 
     let reflected = F::Mask::splat(true);
     let start = if near == 0 { surface.p } else { surface.leave(reflected) };
@@ -274,12 +278,16 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     if settings.absorbs {
         (0..F::LANES).for_each(|lane| medium[lane] = behind(lane, transmitted));
     }
+    let mut eta_scale = eta_scale * drawn.eta_scale;
+    if settings.caustics {
+        eta_scale = caustic::marked(scene, &at.hits.material, &at.depth, at.eta_scale, &surface, &drawn, eta_scale);
+    }
     let departure = Departure {
-        origin: surface.leave(above),
+        origin: surface.leave_at(above, above & !drawn.delta),
         direction: wi,
         throughput,
         pdf: drawn.pdf,
-        eta_scale: eta_scale * drawn.eta_scale,
+        eta_scale,
         medium,
         slot,
         side: std::array::from_fn(|lane| {

@@ -35,10 +35,12 @@ pub enum Stage {
     Bounce,
     /// Paths of neighbouring pixels.
     Join,
+    /// Light paths, all of their stages.
+    Caustics,
 }
 
 impl Stage {
-    const ALL: [(Self, &'static str); 12] = [
+    const ALL: [(Self, &'static str); 13] = [
         (Self::Generate, "generate"),
         (Self::Intersect, "intersect"),
         (Self::Sort, "sort"),
@@ -51,6 +53,7 @@ impl Stage {
         (Self::Connect, "connect"),
         (Self::Bounce, "bounce"),
         (Self::Join, "join"),
+        (Self::Caustics, "caustics"),
     ];
 }
 

@@ -49,10 +49,14 @@ pub struct Surface<F: Real> {
     pub is_lifted: F::Mask,
     /// Geometric normal on the side of `wo`.
     pub ng: V3<F>,
+    /// Shading normal on the side of `wo`, before it is bent.
+    pub ns: V3<F>,
+    /// Lanes whose shading normal is not the geometric one, so that it may have to be bent.
+    pub smooth: F::Mask,
+    /// It was bent.
+    pub bent: F::Mask,
     /// Shading frame on the side of `wo`.
     pub frame: Frame<F>,
-    /// Lanes whose shading normal was bent because of `wo`.
-    pub bent: u32,
     /// Where the ray came from, unit length.
     pub wo: V3<F>,
     /// `wo` in the shading frame; z above 0.
@@ -192,15 +196,15 @@ fn fetch_shape<F: Real>(f: &mut Fetched, mesh: &FlatMesh, hits: &Incoming<F>, la
 
 /// Flips a vector where `mask` holds.
 #[inline(always)]
-fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
+pub(super) fn flip<F: Real>(mask: F::Mask, v: V3<F>) -> V3<F> {
     V3::select(mask, -v, v)
 }
 
-/// Bends a shading normal just so far that the mirror direction of `wo` stays above the surface.
+/// Bends a shading normal just so far that the mirror direction of `wo` stays above the surface, and says where.
 ///
 /// After Keller et al. 2017, "The Iray Light Transport Simulation and Rendering System", A.3.
 #[inline(always)]
-fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
+pub(super) fn valid_normal<F: Real>(ns: V3<F>, ng: V3<F>, wo: V3<F>) -> (V3<F>, F::Mask) {
     let r = ns.scale_add(F::splat(2.0) * ns.dot(wo), -wo);
     let least = least_mirror_height(wo.dot(ng));
     let height = r.dot(ng);
@@ -308,14 +312,15 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
 
     let mut params = gather_params(scene, hits, parts);
-    let (mut mapped, mut bent) = (f.smooth, 0);
+    let mut mapped = f.smooth;
     if TEXTURED {
         mapped |= textured(scene, hits, unflipped, &f, &mut params, &mut ns, lookups);
     }
-    if mapped != 0 {
+    let smooth = F::Mask::from_bits(mapped);
+    let (unbent, mut bent) = (ns, F::Mask::splat(false));
+    if smooth.any() {
         let (valid, below) = valid_normal(ns, ng, wo);
-        bent = mapped & below.bits();
-        ns = V3::select(F::Mask::from_bits(mapped), valid, ns);
+        (ns, bent) = (V3::select(smooth, valid, ns), below & smooth);
     }
     let frame = Frame::new(ns);
     let mut wo_local = frame.to_local(wo);
@@ -334,7 +339,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         lifted = p + lift;
         is_lifted = lift.dot(ng).gt(ng.abs().dot(error) * F::splat(4.0));
     }
-    Surface { p, error, reach, lifted, is_lifted, ng, frame, bent, wo, wo_local, params }
+    Surface { p, error, reach, lifted, is_lifted, ng, ns: unbent, smooth, bent, frame, wo, wo_local, params }
 }
 
 #[inline(always)]
@@ -480,8 +485,14 @@ impl<F: Real> Surface<F> {
     /// point's error (Pharr, Jakob, Humphreys 2023, section 6.8.6) and by more than the test of the facet may err.
     #[inline(always)]
     pub fn leave(&self, reflected: F::Mask) -> V3<F> {
+        self.leave_at(reflected, reflected)
+    }
+
+    /// As [`Surface::leave`], from the lifted point only where it says so.
+    #[inline(always)]
+    pub fn leave_at(&self, reflected: F::Mask, lifted: F::Mask) -> V3<F> {
         let distance = self.ng.abs().dot(self.error) + self.reach;
-        let start = V3::select(reflected, self.lifted, self.p);
+        let start = V3::select(lifted, self.lifted, self.p);
         self.ng.scale_add(F::select(reflected, distance, -distance), start)
     }
 }

@@ -235,3 +235,22 @@ fn what_nothing_shows_is_not_built() {
     assert_eq!((flat.materials.len(), flat.textures.images.len(), flat.meshes.len()), (1, 0, 1));
     assert_eq!(flat.needs, run(&mut plain()).0);
 }
+
+/// A mirror without a lamp, or a lamp without a mirror, costs nothing.
+#[test]
+fn light_is_traced_from_emitters_where_there_is_a_mirror_too() {
+    let mirror = Material { roughness: 0.0, ..Material::default() };
+    let lamp = Material { emissive: Vec3::ONE, ..lambert() };
+    for alone in [&mirror, &lamp] {
+        let mut scene = plain();
+        quad_with(&mut scene, alone.clone());
+        let (needs, stats) = run(&mut scene);
+        assert!(!needs.has(SceneNeeds::CAUSTICS), "{:?}", needs.names(false));
+        assert_eq!(rows(&stats, "caustics"), 0);
+    }
+    let build = |s: &mut Scene| {
+        quad_with(s, mirror);
+        quad_with(s, lamp);
+    };
+    check_need(SceneNeeds::CAUSTICS, build, |stats| rows(stats, "caustics"));
+}

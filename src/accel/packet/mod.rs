@@ -279,6 +279,7 @@ impl<const V: usize> Packet<V> {
                 if !C::TRIVIAL {
                     match block.opacity(lane) {
                         Opacity::Solid => {}
+                        Opacity::FrontOnly if C::BACKS => {}
                         Opacity::FrontOnly => met.hits &= !met.back,
                         Opacity::Asked => met.hits = ask(&met, &eight.ids, name, coverage),
                     }

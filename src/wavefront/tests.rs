@@ -12,7 +12,7 @@ use crate::{
     accel::{NO_HIT, Solid, Stacks, TOGETHER},
     film::Tile,
     reference::Rng,
-    render::{RenderSettings, Renderer},
+    render::{RenderSettings, Renderer, Sharing},
     simd::V3,
     world::{AlphaMode, LocalTransform, Material, Scene, Shape, generated},
 };
@@ -145,7 +145,10 @@ fn rays_in_packets(scene: &mut Scene, max_depth: Option<u32>) -> [u64; 2] {
         worker.run(job, tile, from, to, step);
         together.fetch_add(TOGETHER.get(), Ordering::Relaxed);
     };
-    let settings = RenderSettings { width: 192, height: 128, spp: Some(4), max_depth, ..RenderSettings::default() };
+    // Rays between neighbours go in packets too.
+    let sharing = Sharing::Off;
+    let settings =
+        RenderSettings { width: 192, height: 128, spp: Some(4), max_depth, sharing, ..RenderSettings::default() };
     let stats = schedule::render_by(renderer.scene(), &settings, &(), counted).stats;
     assert_eq!(stats.rays.camera, 192 * 128 * 4);
     assert_eq!(stats.rays.bounce > stats.rays.camera, max_depth.is_none());

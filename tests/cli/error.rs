@@ -137,7 +137,7 @@ fn references_are_made_better_where_more_is_asked_for() {
 #[test]
 fn a_poor_reference_is_warned_of() {
     let folder = Folder::new();
-    let words = "bench error scenes/cornell.gltf --size 24x24 --spp 64 --seeds 2 --reference-spp 64 --references";
+    let words = "bench error scenes/cornell.gltf --size 24x24 --spp 256 --seeds 2 --reference-spp 256 --references";
     let run = wavecast(words.split(' ').chain([folder.at("").to_str().unwrap()])).expect(0);
     run.says("warning: scenes/cornell.gltf: the least relmse").says("is not 10 times that of the reference");
 }

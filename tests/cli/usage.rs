@@ -72,7 +72,6 @@ fn a_quality_for_a_structure_that_has_none_is_an_error_that_says_what_to_do() {
 #[test]
 fn options_and_subcommands_to_come_are_not_accepted_in_silence() {
     for option in [
-        "--error 1%",
         "--integrator direct",
         "--variant red",
         "--at-time 1",

@@ -8,8 +8,13 @@ use crate::{
     simd::{Bits, LANES, Mask, Real},
 };
 
-/// Scatterings before roulette begins: the first few paths carry most of the light.
-pub const ROULETTE_FROM: u32 = 3;
+/// Share of the light at their far end below which paths play roulette.
+///
+/// What ends a path early makes those that go on count for more, and that noise costs more than the path would have: in the
+/// Cornell box more than half of the variance was of roulette by the throughput alone. relMSE × seconds over that of 1, from the first
+/// scattering on, at 16 samples: cornell 0.81, door 0.52, lights 0.83, million 0.86, outdoor 0.94, plates 1.05; half of it is worse
+/// in the first four, and twice as much is better only where hardly any light comes by short ways (door 0.48).
+const PLAYS_BELOW: f32 = 0.25;
 
 /// Scatterings from which on no path is sure to go on. Total internal reflection dims nothing, and shading normals
 /// can turn a way into a solid that no way out mirrors: such a path would never end.
@@ -23,11 +28,11 @@ pub fn most_survivors(depth: u32) -> f32 {
 
 /// Share of paths that go on, by what they could still bring to the pixel.
 ///
-/// q = min(limit, max(throughput) · η²-scale), which leaves the expected radiance as it was when the
+/// q = min(limit, max(throughput) · η²-scale / [`PLAYS_BELOW`]), which leaves the expected radiance as it was when the
 /// survivors are weighted by 1/q (Arvo and Kirk 1990, "Particle Transport and Image Synthesis").
 #[inline(always)]
 pub fn survival<F: Real>(most: F, eta_scale: F, limit: F) -> F {
-    (most * eta_scale.abs()).min(limit)
+    (most * eta_scale.abs() * F::splat(1.0 / PLAYS_BELOW)).min(limit)
 }
 
 /// Moves the paths of `from` that survive to the end of `to`, which has room for them.
@@ -36,28 +41,23 @@ pub fn bounce(sampler: &Sampler, from: &mut PathQueue, to: &mut PathQueue) -> Bl
     for first in (0..rows).step_by(LANES) {
         let mut block = from.block(first);
         let mut lanes: u32 = if rows - first < LANES { (1_u32 << (rows - first)) - 1 } else { 0xff };
-        let mut plays = 0;
-        for (lane, &depth) in block.depth.iter().enumerate() {
-            plays |= u32::from(depth >= ROULETTE_FROM) << lane;
-        }
-        plays &= lanes;
-        if plays != 0 {
-            let [r, g, b, eta] =
-                [block.throughput_r, block.throughput_g, block.throughput_b, block.eta_scale].map(f32x8::new);
+        let [r, g, b, eta] =
+            [block.throughput_r, block.throughput_g, block.throughput_b, block.eta_scale].map(f32x8::new);
+        let limit = f32x8::from_fn(|lane| most_survivors(block.depth[lane]));
+        let q = survival(Real::max(Real::max(r, g), b), eta, limit);
+        let plays = Real::lt(q, f32x8::ONE);
+        if plays.bits() & lanes != 0 {
             let bits = |column: [u32; LANES]| <f32x8 as Real>::Bits::from_fn(|lane| column[lane]);
             let dimension = dimensions::at::<f32x8>(
                 bits(block.depth) + <f32x8 as Real>::Bits::splat(u32::MAX),
                 dimensions::ROULETTE,
             );
             let u: f32x8 = sampler.one(bits(block.pixel_hash), bits(block.sample), dimension);
-            let limit = f32x8::from_fn(|lane| most_survivors(block.depth[lane]));
-            let q = survival(Real::max(Real::max(r, g), b), eta, limit);
-            let player = <f32x8 as Real>::Mask::from_bits(plays);
             let survives = Real::lt(u, q);
-            let weight = Real::select(player & survives, f32x8::ONE / q, f32x8::ONE);
+            let weight = Real::select(plays & survives, f32x8::ONE / q, f32x8::ONE);
             (block.throughput_r, block.throughput_g, block.throughput_b) =
                 ((r * weight).to_array(), (g * weight).to_array(), (b * weight).to_array());
-            lanes &= (survives | !player).bits();
+            lanes &= (survives | !plays).bits();
         }
         to.put(&block, lanes);
     }

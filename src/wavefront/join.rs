@@ -38,12 +38,12 @@ use crate::{
 
 /// Edge of the squares of pixels that are cut into groups.
 const SQUARE: u32 = BLOCK;
-/// Paths of a group: sixteen shadow rays for each path cost about as much as the path.
-const GROUP: usize = 16;
-/// Groups of a square.
-const GROUPS: usize = (SQUARE * SQUARE) as usize / GROUP;
-/// Blocks of near vertices.
-const BLOCKS: usize = GROUP / LANES;
+/// Paths of a group at most.
+const MOST: usize = (SQUARE * SQUARE) as usize;
+/// Blocks of near vertices at most.
+const MOST_BLOCKS: usize = MOST / LANES;
+/// Links that are traced at a time: enough to fill waves.
+const LINKS: usize = 4096;
 
 /// A far vertex and a block of near ones.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +63,7 @@ const NO_PAIRS: Pairs =
 #[derive(Clone, Copy, Debug)]
 struct Group {
     sample: u32,
-    slots: [u32; GROUP],
+    slots: [u32; MOST],
     count: usize,
 }
 
@@ -76,20 +76,18 @@ pub struct Joiner {
     groups: Vec<Group>,
     /// The far vertices that links lead to, sixteen links each.
     fars: Vec<u32>,
+    /// Paths of a group, and blocks of near vertices.
+    size: usize,
+    blocks: usize,
     /// By group, find and block.
-    pairs: Vec<[[Pairs; BLOCKS]; FINDS]>,
+    pairs: Vec<Pairs>,
     /// Lanes of the pairs that see each other.
-    seen: Vec<[[u32; BLOCKS]; FINDS]>,
+    seen: Vec<u32>,
     /// By slot and kind, what pixels would get more without sharing, nit; where that is asked for.
     pub measured: Option<Vec<[[f64; 3]; KINDS]>>,
     /// Shadow rays so far.
     pub links_by_kind: [u64; KINDS],
 }
-
-/// Finds of a group.
-const FINDS: usize = 2 * GROUP;
-/// Groups that are joined at a time.
-const BATCH: usize = 8;
 
 impl Joiner {
     /// Joins the paths of a tile for every `step`-th of samples `from..to`, and adds the light to the tile's pixels.
@@ -104,21 +102,26 @@ impl Joiner {
         tally: &mut Tally,
         counters: &mut Counters,
     ) {
-        self.links.make_room(BATCH * FINDS * GROUP);
-        self.groups.reserve(BATCH);
-        self.fars.reserve(BATCH * FINDS);
-        self.pairs.resize(BATCH, [[NO_PAIRS; BLOCKS]; FINDS]);
-        self.seen.resize(BATCH, [[0; BLOCKS]; FINDS]);
+        let size = job.settings.shares.group;
+        // A path may have found two things.
+        let finds = 2 * size;
+        let batch = (LINKS / (finds * size)).max(1);
+        (self.size, self.blocks) = (size, size / LANES);
+        self.links.make_room(batch * finds * size);
+        self.groups.reserve(batch);
+        self.fars.reserve(batch * finds);
+        self.pairs.resize(batch * finds * self.blocks, NO_PAIRS);
+        self.seen.resize(batch * finds * self.blocks, 0);
         self.groups.clear();
         self.caustics = job.settings.caustics;
         let first = |at: u32| at / SQUARE * SQUARE;
         for sample in (from..to).step_by(step as usize) {
             for y in (first(y0)..y0 + height).step_by(SQUARE as usize) {
                 for x in (first(x0)..x0 + width).step_by(SQUARE as usize) {
-                    for number in 0..GROUPS {
-                        let mut group = Group { sample, slots: [0; GROUP], count: 0 };
-                        for member in 0..GROUP {
-                            let (dx, dy) = place(sample, number, member);
+                    for number in 0..MOST / size {
+                        let mut group = Group { sample, slots: [0; MOST], count: 0 };
+                        for member in 0..size {
+                            let (dx, dy) = place(sample, size, number, member);
                             let (x, y) = (x + dx, y + dy);
                             if x >= x0 && y >= y0 && x < x0 + width && y < y0 + height {
                                 group.slots[group.count] = (y - y0) * width + x - x0;
@@ -126,7 +129,7 @@ impl Joiner {
                             }
                         }
                         self.add(&group, tally);
-                        if self.groups.len() == BATCH {
+                        if self.groups.len() == batch {
                             self.flush(job, coverage, tally, counters);
                         }
                     }
@@ -144,7 +147,9 @@ impl Joiner {
             return;
         }
         let index = self.groups.len();
-        let mut near: [Option<NearBlock>; BLOCKS] = [const { None }; BLOCKS];
+        let (size, blocks) = (self.size, self.blocks);
+        let mut near: [Option<NearBlock>; MOST_BLOCKS] = [const { None }; MOST_BLOCKS];
+        let near = &mut near[..blocks];
         for (block, near) in near.iter_mut().enumerate() {
             let member = |lane: usize| (block * LANES + lane).min(group.count - 1);
             let mut lanes = 0;
@@ -155,7 +160,6 @@ impl Joiner {
                 *near = Some(NearBlock::new(lanes, |lane| &reuse.near[row(member(lane))]));
             }
         }
-        let pairs = &mut self.pairs[index];
         for j in 0..group.count {
             let row = row(j);
             let start = || near[j / LANES].as_ref().map_or([0.0; 3], |near| near.p.lane(j % LANES));
@@ -163,8 +167,9 @@ impl Joiner {
                 if !find.is_in(reuse, row) {
                     continue;
                 }
-                let place = find.place(j);
-                for (pairs, near) in pairs[place].iter_mut().zip(&near) {
+                let first = (index * 2 * size + find.place(j, size)) * blocks;
+                let pairs = &mut self.pairs[first..first + blocks];
+                for (pairs, near) in pairs.iter_mut().zip(&*near) {
                     *pairs = near.as_ref().map_or(NO_PAIRS, |near| match find {
                         Find::Surface => near.pairs(&reuse.far[row], &reuse.light[row], self.caustics),
                         Find::Sky => near.glimpses::<false>(&reuse.glimpses[0][row]),
@@ -172,8 +177,8 @@ impl Joiner {
                     });
                 }
                 // A pair that does not stand for the path's own near vertex leaves nothing to the others.
-                if pairs[place][j / LANES].lanes >> (j % LANES) & 1 == 1 {
-                    for (pairs, near) in pairs[place].iter().zip(&near) {
+                if pairs[j / LANES].lanes >> (j % LANES) & 1 == 1 {
+                    for (pairs, near) in pairs.iter().zip(&*near) {
                         let links = match find {
                             Find::Surface => links(near.as_ref(), start(), reuse.far[row].end, pairs.lanes),
                             Find::Sky => rays(near.as_ref(), start(), reuse.glimpses[0][row].direction, pairs.lanes),
@@ -181,8 +186,8 @@ impl Joiner {
                         };
                         self.links.put(&links, 0xff);
                     }
-                    self.fars.push((index * FINDS + place) as u32);
-                    self.links_by_kind[find as usize] += GROUP as u64;
+                    self.fars.push(first as u32);
+                    self.links_by_kind[find as usize] += size as u64;
                 }
             }
         }
@@ -191,47 +196,46 @@ impl Joiner {
 
     /// Traces the shadow rays of the groups at hand and adds what arrives.
     fn flush<C: Coverage>(&mut self, job: &Job, coverage: &C, tally: &mut Tally, counters: &mut Counters) {
-        let Self { links, groups, fars, pairs, seen, measured, .. } = self;
+        let Self { links, groups, fars, size, blocks, pairs, seen, measured, .. } = self;
+        let (size, blocks) = (*size, *blocks);
         counters.rays.shadow += links.len() as u64;
-        for (pairs, seen) in pairs.iter().zip(seen.iter_mut()) {
-            *seen = array::from_fn(|place| pairs[place].map(|pairs| pairs.lanes));
-        }
+        seen.iter_mut().zip(&*pairs).for_each(|(seen, pairs)| *seen = pairs.lanes);
         job.scene.accel.occluded_of(links, coverage, |row, occluded| {
             if occluded {
-                let (far, lane) = (fars[row / GROUP] as usize, row % GROUP);
-                seen[far / FINDS][far % FINDS][lane / LANES] &= !(1 << (lane % LANES));
+                let lane = row % size;
+                seen[fars[row / size] as usize + lane / LANES] &= !(1 << (lane % LANES));
             }
         });
         links.rewind();
         fars.clear();
-        for ((group, pairs), seen) in groups.drain(..).zip(pairs).zip(seen) {
-            let mut sums = [[V3::<f32x8>::splat(0.0); BLOCKS]; KINDS];
+        for (index, group) in groups.drain(..).enumerate() {
+            let mut sums = [[V3::<f32x8>::splat(0.0); MOST_BLOCKS]; KINDS];
             for j in 0..group.count {
                 let (slot, row) = (group.slots[j], tally.reuse.row(group.slots[j], group.sample));
                 for find in Find::ALL {
                     if !find.is_in(&tally.reuse, row) {
                         continue;
                     }
-                    let (pairs, seen) = (&pairs[find.place(j)], seen[find.place(j)]);
-                    let own = |lanes: [u32; BLOCKS]| lanes[j / LANES] >> (j % LANES) & 1 == 1;
-                    let standing = pairs.map(|pairs| pairs.lanes);
+                    let first = (index * 2 * size + find.place(j, size)) * blocks;
+                    let (pairs, seen) = (&pairs[first..first + blocks], &seen[first..first + blocks]);
                     // What a light sample finds is not known before the shadow ray, so that none of its paths depends on that.
-                    let candidates = if find == Find::Lit { standing } else { seen };
-                    if !own(candidates) {
+                    let candidate = |block: usize| if find == Find::Lit { pairs[block].lanes } else { seen[block] };
+                    let own = |lanes: u32| lanes >> (j % LANES) & 1 == 1;
+                    if !own(candidate(j / LANES)) {
                         tally.add(slot, group.sample, find.alone(&tally.reuse, row));
                         continue;
                     }
                     let mut density = 0.0;
-                    for (pairs, lanes) in pairs.iter().zip(candidates) {
-                        density +=
-                            Real::masked(pairs.density, Mask::from_bits(lanes)).to_array().into_iter().sum::<f32>();
+                    for (block, pairs) in pairs.iter().enumerate() {
+                        let lanes = Mask::from_bits(candidate(block));
+                        density += Real::masked(pairs.density, lanes).to_array().into_iter().sum::<f32>();
                     }
                     let scale = f32x8::splat(1.0 / density);
                     for ((sum, pairs), lanes) in sums[find as usize].iter_mut().zip(pairs).zip(seen) {
-                        *sum = *sum + (pairs.light * scale).masked(Mask::from_bits(lanes));
+                        *sum = *sum + (pairs.light * scale).masked(Mask::from_bits(*lanes));
                     }
                     if let Some(measured) = measured
-                        && own(seen)
+                        && own(seen[j / LANES])
                     {
                         let (pairs, lane) = (&pairs[j / LANES], j % LANES);
                         let (light, density) = (pairs.light.lane(lane), pairs.density.lane(lane));
@@ -279,8 +283,8 @@ impl Find {
 
     /// Its place among the finds of a group: a ray finds a surface or the sky.
     #[inline(always)]
-    fn place(self, member: usize) -> usize {
-        if self == Self::Lit { GROUP + member } else { member }
+    fn place(self, member: usize, size: usize) -> usize {
+        if self == Self::Lit { size + member } else { member }
     }
 
     /// What the path's own pixel gets if nobody else does, nit.
@@ -296,16 +300,28 @@ impl Find {
     }
 }
 
-/// The pixel of a member in a square of pixels: sixteen side by side, or every second one of each row, or pairs, by turns, so
-/// that what the members share does not show as squares.
-fn place(sample: u32, group: usize, member: usize) -> (u32, u32) {
-    // The group has one bit of each coordinate, the member the other two.
-    let bit = [2, 0, 1][sample as usize % 3];
-    let spread = |two: usize, one: usize| {
-        let low = two & ((1 << bit) - 1);
-        ((two >> bit) << (bit + 1) | one << bit | low) as u32
+/// The pixel of a member of one of the groups of so many paths in a square of pixels.
+///
+/// The number of the group says some bits of the coordinates, and the member the others: the high ones, the low ones or those between
+/// by turns, so that what the members share does not show as squares.
+fn place(sample: u32, size: usize, group: usize, member: usize) -> (u32, u32) {
+    // Bits of x and y by turns: for an axis and a bit.
+    let order = |i: u32| {
+        let bit = [2, 0, 1][(sample % 3 + i / 2) as usize % 3];
+        if (sample / 3 + i) % 2 == 0 { bit } else { bit + 3 }
     };
-    (spread(member & 3, group & 1), spread(member >> 2, group >> 1))
+    let of_group = 6 - size.trailing_zeros();
+    let (mut place, mut fixed) = (0, 0);
+    for i in 0..of_group {
+        fixed |= 1 << order(i);
+        place |= (group as u32 >> i & 1) << order(i);
+    }
+    let mut from = 0;
+    for bit in (0..6).filter(|bit| fixed >> bit & 1 == 0) {
+        place |= (member as u32 >> from & 1) << bit;
+        from += 1;
+    }
+    (place & 7, place >> 3)
 }
 
 /// Eight near vertices.

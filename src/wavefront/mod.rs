@@ -172,7 +172,7 @@ fn shares(scene: &FlatScene, settings: &RenderSettings) -> Shares {
     let scatterings = settings.max_depth.unwrap_or(u32::MAX);
     let environment = scatterings > 0 && scene.lights.environment.is_some();
     let map = environment && scene.needs.has(SceneNeeds::ENVIRONMENT_MAP);
-    Shares { surface: scatterings > 1, sky: environment, lit: map && !scene.lights.choice.is_empty() }
+    Shares { surface: scatterings > 1, sky: environment, lit: map && !scene.lights.choice.is_empty(), ..Shares::default() }
 }
 
 /// One core's queues; they keep their memory from tile to tile.

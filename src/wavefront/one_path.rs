@@ -4,7 +4,7 @@
 
 use super::{
     Job, Worker, absorb,
-    bounce::{ROULETTE_FROM, most_survivors, survival},
+    bounce::{most_survivors, survival},
     caustic,
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
@@ -165,10 +165,10 @@ fn trace<C: Coverage>(
         }
         throughput = departure.throughput;
         eta_scale = departure.eta_scale;
-        if depth + 1 >= ROULETTE_FROM {
+        let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
+        if q < 1.0 {
             let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
             let u: f32 = sampler.one(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
-            let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
             if u >= q {
                 return;
             }

@@ -1,4 +1,4 @@
-//! Finds out what sharing pays: a few squares of pixels, rendered twice with everything shared.
+//! Finds out what sharing pays: a few squares of pixels, rendered with everything shared.
 //!
 //! Sharing what paths find makes noise smaller and samples dearer. Of what a pixel gets from each kind of find, both the shared
 //! and the unshared amount come out of the same paths, so that one pilot says for each set of kinds what the variance of a
@@ -17,7 +17,12 @@ use crate::{
 };
 
 /// Squares that are looked at: enough to tell, few enough to cost some hundredths of a second.
-const SQUARES: u32 = 64;
+const SQUARES: u32 = 32;
+/// Of all squares one of so many, in small pictures.
+const ONE_OF: u32 = 4;
+/// Samples of each of two means: together they are as even as samples of pictures are, so that what falls faster than by their number
+/// does so here too.
+const MEAN_OF: u32 = 4;
 /// Price of a shadow ray between neighbours in rays of a path, in small scenes: they run side by side, and nothing is shaded where
 /// they end.
 const PRICE: f64 = 0.35;
@@ -30,12 +35,16 @@ const BASE: f64 = 1.0;
 /// Share of the picture's mean below which darkness counts no more.
 const FLOOR: f64 = 0.1;
 
-/// What a set of kinds would do, by the bits of [`Shares`].
-type Sums = [f64; 1 << KINDS];
+/// Sizes of groups. The pilot is rendered with those of sixteen.
+const GROUPS: [usize; 4] = [8, 16, 32, 64];
+/// Power of the size by which the price of all links of a path grows: the more, the better they run side by side.
+const PRICE_GROWS: f64 = 0.8;
+/// Share of the pixels, the noisiest ones, that do not count.
+const LEFT_OUT: f64 = 0.002;
 
 /// What was measured in a square.
 struct Square {
-    /// By pixel and sample: what the pixel got by all kinds shared, and for each kind what it would get more if it were not.
+    /// By pixel and mean: what the pixel got by all kinds shared, and for each kind what it would get more if it were not.
     totals: Vec<[[f64; 3]; 2]>,
     excess: Vec<[[[f64; 3]; KINDS]; 2]>,
     rays: f64,
@@ -49,7 +58,7 @@ pub fn plan(job: &Job, settings: &RenderSettings) -> Shares {
     }
     let [columns, rows] = [settings.width, settings.height].map(|edge| edge.div_ceil(BLOCK));
     let all = columns * rows;
-    let count = SQUARES.min(all);
+    let count = SQUARES.min(all.div_ceil(ONE_OF));
     let squares: Vec<Square> = (0..count)
         .into_par_iter()
         .map_init(Worker::default, |worker, i| {
@@ -80,22 +89,24 @@ fn measure(worker: &mut Worker, job: &Job, settings: &RenderSettings, [x, y]: [u
         links: [0.0; KINDS],
     };
     let mut before = vec![[0; 3]; pixels];
-    for sample in 0..2 {
+    for half in 0..2 {
         worker.joiner.measured = Some(vec![[[0.0; 3]; KINDS]; pixels]);
-        worker.run(job, tile, sample, sample + 1, 1);
+        worker.run(job, tile, half * MEAN_OF, (half + 1) * MEAN_OF, 1);
         let excess = worker.joiner.measured.take().unwrap_or_default();
+        let mean = |sum: f64| sum / f64::from(MEAN_OF);
         for pixel in 0..pixels {
             let now = tile.light(pixel);
-            let got = std::array::from_fn(|i| job.unit.value(now[i] - before[pixel][i]));
-            square.totals[pixel][sample as usize] = got;
-            square.excess[pixel][sample as usize] = excess[pixel];
+            let got = std::array::from_fn(|i| mean(job.unit.value(now[i] - before[pixel][i])));
+            square.totals[pixel][half as usize] = got;
+            square.excess[pixel][half as usize] = excess[pixel].map(|kind| kind.map(mean));
             before[pixel] = now;
         }
     }
+    let each = f64::from(2 * MEAN_OF);
     let links = std::mem::take(&mut worker.joiner.links_by_kind);
-    square.links = links.map(|links| links as f64);
+    square.links = links.map(|links| links as f64 / each);
     let counters = std::mem::take(&mut worker.counters);
-    square.rays = counters.all_rays() as f64 - square.links.iter().sum::<f64>();
+    square.rays = counters.all_rays() as f64 / each - square.links.iter().sum::<f64>();
     square
 }
 
@@ -104,9 +115,10 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
     let mean_of =
         |square: &Square| square.totals.iter().flatten().flatten().sum::<f64>() / (6 * square.totals.len()) as f64;
     let mean = squares.iter().map(|square| mean_of(square) * square.totals.len() as f64).sum::<f64>() / pixels;
-    let rays = squares.iter().map(|square| square.rays).sum::<f64>() / (2.0 * pixels);
-    let mut noise: Sums = [0.0; 1 << KINDS];
-    let mut cost = [BASE + rays; 1 << KINDS];
+    let rays = squares.iter().map(|square| square.rays).sum::<f64>() / pixels;
+    // By set and pixel.
+    let mut noise: [Vec<f64>; 1 << KINDS] = Default::default();
+    let mut links = [0.0; KINDS];
     for square in squares {
         let scale = mean_of(square).powi(2) + (FLOOR * mean).powi(2);
         if scale <= 0.0 {
@@ -119,19 +131,35 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
                     totals[sample][channel] + (0..KINDS).map(more).sum::<f64>()
                 };
                 let variance: f64 = (0..3).map(|i| (with(0, i) - with(1, i)).powi(2) / 2.0).sum();
-                *noise += variance / scale;
+                noise.push(variance / scale);
             }
         }
-        for (set, cost) in cost.iter_mut().enumerate() {
-            let links: f64 = (0..KINDS).filter(|kind| set >> kind & 1 == 1).map(|kind| square.links[kind]).sum();
-            *cost += price * links / (2.0 * pixels);
+        (0..KINDS).for_each(|kind| links[kind] += square.links[kind] / pixels);
+    }
+    let noise = noise.map(without_worst);
+    if std::env::var("PILOT").is_ok() { eprintln!("noise {noise:?} links {links:?} rays {rays} price {price}"); }
+    let (mut best, mut least) = (Shares::of(0, all.group), noise[0] * (BASE + rays));
+    for set in (1..1 << KINDS).filter(|set| set & !all.bits() == 0) {
+        let links: f64 = (0..KINDS).filter(|kind| set >> kind & 1 == 1).map(|kind| links[kind]).sum();
+        // What sharing took away is as good as all that was to be shared, but for its mean over the group.
+        let measured = all.group as f64;
+        let shared = (noise[0] - noise[set]) / (1.0 - 1.0 / measured);
+        for group in GROUPS {
+            let size = group as f64;
+            let noise = (noise[0] - shared).max(0.0) + shared / size;
+            let cost = BASE + rays + price * (size / measured).powf(PRICE_GROWS) * links;
+            if noise * cost < least {
+                (best, least) = (Shares::of(set, group), noise * cost);
+            }
         }
     }
-    let mut best = all.bits();
-    for set in 0..1 << KINDS {
-        if set & !all.bits() == 0 && noise[set] * cost[set] < noise[best] * cost[best] {
-            best = set;
-        }
-    }
-    Shares::from_bits(best)
+    if std::env::var("PILOT").is_ok() { eprintln!("{best:?}"); }
+    best
+}
+
+/// The sum of numbers but for the greatest, which a few samples say nothing about.
+fn without_worst(mut numbers: Vec<f64>) -> f64 {
+    let left_out = (numbers.len() as f64 * LEFT_OUT) as usize;
+    numbers.sort_unstable_by(f64::total_cmp);
+    numbers.iter().rev().skip(left_out).sum()
 }

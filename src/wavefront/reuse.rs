@@ -29,7 +29,7 @@ const APART: f32 = 64.0;
 pub const KINDS: usize = 3;
 
 /// What paths leave for those of other pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shares {
     /// Light from far vertices.
     pub surface: bool,
@@ -37,6 +37,15 @@ pub struct Shares {
     pub sky: bool,
     /// The sky, where a light sample looked for it.
     pub lit: bool,
+    /// Paths that share: 8, 16, 32 or 64.
+    pub group: usize,
+}
+
+impl Default for Shares {
+    /// Nothing; sixteen shadow rays for each path cost about as much as the path.
+    fn default() -> Self {
+        Self { surface: false, sky: false, lit: false, group: 16 }
+    }
 }
 
 impl Shares {
@@ -50,9 +59,9 @@ impl Shares {
         usize::from(self.surface) | usize::from(self.sky) << 1 | usize::from(self.lit) << 2
     }
 
-    /// The inverse of [`Self::bits`].
-    pub fn from_bits(bits: usize) -> Self {
-        Self { surface: bits & 1 != 0, sky: bits & 2 != 0, lit: bits & 4 != 0 }
+    /// The kinds whose bits are set, shared by so many.
+    pub fn of(bits: usize, group: usize) -> Self {
+        Self { surface: bits & 1 != 0, sky: bits & 2 != 0, lit: bits & 4 != 0, group }
     }
 }
 

@@ -83,6 +83,31 @@ impl Sampler {
         mix(h + Lane::splat(self.key[1])).0
     }
 
+    /// As [`Sampler::pixel_hash`], for one of several groups of pixels at a place of a coarser grid.
+    #[inline]
+    pub fn group_hash(&self, x: u32, y: u32, group: u32) -> u32 {
+        type Lane = <f32 as Real>::Bits;
+        mix(Lane::splat(self.pixel_hash(x, y) ^ 0x5bd1_e995) + Lane::splat(group)).0
+    }
+
+    /// Index of a member's numbers where so many members share a sequence, each time that `ways` samples have passed: theirs are
+    /// aligned runs.
+    #[inline]
+    pub fn shared(&self, sample: u32, ways: u32, members: u32, member: u32) -> u32 {
+        let (place, sequence) = (sample >> self.log2_sequences, sample & ((1 << self.log2_sequences) - 1));
+        // Of the samples of each sequence fewer pass.
+        let ways = ways >> ways.trailing_zeros().min(self.log2_sequences as u32);
+        (place / ways * members + member) << self.log2_sequences | sequence
+    }
+
+    /// Index of the numbers of one of so many parts, a power of two, of the sample with this index: theirs are an aligned run.
+    #[inline(always)]
+    pub fn part<B: Bits>(&self, index: B, parts: u32, part: u32) -> B {
+        let sequence = index & B::splat((1 << self.log2_sequences) - 1);
+        let place = (index >> self.log2_sequences) * B::splat(parts) + B::splat(part);
+        place << self.log2_sequences | sequence
+    }
+
     /// Two numbers in [0, 1) of 24 bits each, uniform on the unit square.
     #[inline(always)]
     pub fn pair<F: Real>(&self, pixel_hash: F::Bits, sample: F::Bits, dimension: F::Bits) -> (F, F) {

@@ -52,7 +52,7 @@ pub fn bounce(sampler: &Sampler, from: &mut PathQueue, to: &mut PathQueue) -> Bl
                 bits(block.depth) + <f32x8 as Real>::Bits::splat(u32::MAX),
                 dimensions::ROULETTE,
             );
-            let u: f32x8 = sampler.one(bits(block.pixel_hash), bits(block.sample), dimension);
+            let u: f32x8 = sampler.one(bits(block.pixel_hash), bits(block.index), dimension);
             let survives = Real::lt(u, q);
             let weight = Real::select(plays & survives, f32x8::ONE / q, f32x8::ONE);
             (block.throughput_r, block.throughput_g, block.throughput_b) =

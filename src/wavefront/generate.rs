@@ -187,6 +187,7 @@ pub fn generate(
             eta_scale: [1.0; LANES],
             slot: [0; LANES],
             sample: [cursor.sample; LANES],
+            index: [cursor.sample; LANES],
             pixel_hash: hashes,
             depth: [0; LANES],
             medium: [NONE; LANES],

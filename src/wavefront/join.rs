@@ -21,6 +21,7 @@ use wide::f32x8;
 
 use super::{
     Job, caustic,
+    groups::{MOST, SQUARE, pixel_of},
     queues::{LinkBlock, LinkQueue},
     reuse::{Far, Glimpse, KINDS, Near, Reuse, Vertex, stage},
     shade::BEFORE_LIGHT,
@@ -31,15 +32,10 @@ use super::{
 use crate::{
     accel::{Coverage, Rays},
     bsdf::{Bsdf, Opaque, Params},
-    film::BLOCK,
     sampling::mis,
     simd::{Frame, LANES, Mask, Real, Rgb, V3},
 };
 
-/// Edge of the squares of pixels that are cut into groups.
-const SQUARE: u32 = BLOCK;
-/// Paths of a group at most.
-const MOST: usize = (SQUARE * SQUARE) as usize;
 /// Blocks of near vertices at most.
 const MOST_BLOCKS: usize = MOST / LANES;
 /// Links that are traced at a time: enough to fill waves.
@@ -121,7 +117,7 @@ impl Joiner {
                     for number in 0..MOST / size {
                         let mut group = Group { sample, slots: [0; MOST], count: 0 };
                         for member in 0..size {
-                            let (dx, dy) = place(sample, size, number, member);
+                            let (dx, dy) = pixel_of(sample, size, number as u32, member as u32);
                             let (x, y) = (x + dx, y + dy);
                             if x >= x0 && y >= y0 && x < x0 + width && y < y0 + height {
                                 group.slots[group.count] = (y - y0) * width + x - x0;
@@ -298,30 +294,6 @@ impl Find {
             Self::Lit => reuse.glimpses[1][row].alone,
         }
     }
-}
-
-/// The pixel of a member of one of the groups of so many paths in a square of pixels.
-///
-/// The number of the group says some bits of the coordinates, and the member the others: the high ones, the low ones or those between
-/// by turns, so that what the members share does not show as squares.
-fn place(sample: u32, size: usize, group: usize, member: usize) -> (u32, u32) {
-    // Bits of x and y by turns: for an axis and a bit.
-    let order = |i: u32| {
-        let bit = [2, 0, 1][(sample % 3 + i / 2) as usize % 3];
-        if (sample / 3 + i) % 2 == 0 { bit } else { bit + 3 }
-    };
-    let of_group = 6 - size.trailing_zeros();
-    let (mut place, mut fixed) = (0, 0);
-    for i in 0..of_group {
-        fixed |= 1 << order(i);
-        place |= (group as u32 >> i & 1) << order(i);
-    }
-    let mut from = 0;
-    for bit in (0..6).filter(|bit| fixed >> bit & 1 == 0) {
-        place |= (member as u32 >> from & 1) << bit;
-        from += 1;
-    }
-    (place & 7, place >> 3)
 }
 
 /// Eight near vertices.

@@ -43,10 +43,12 @@ mod caustic;
 mod coverage;
 mod dimensions;
 mod direct;
+mod groups;
 mod light_paths;
 mod one_path;
 mod pilot;
 mod queues;
+mod resample;
 mod reuse;
 mod schedule;
 mod stats;
@@ -172,7 +174,12 @@ fn shares(scene: &FlatScene, settings: &RenderSettings) -> Shares {
     let scatterings = settings.max_depth.unwrap_or(u32::MAX);
     let environment = scatterings > 0 && scene.lights.environment.is_some();
     let map = environment && scene.needs.has(SceneNeeds::ENVIRONMENT_MAP);
-    Shares { surface: scatterings > 1, sky: environment, lit: map && !scene.lights.choice.is_empty(), ..Shares::default() }
+    Shares {
+        surface: scatterings > 1,
+        sky: environment,
+        lit: map && !scene.lights.choice.is_empty(),
+        ..Shares::default()
+    }
 }
 
 /// One core's queues; they keep their memory from tile to tile.
@@ -209,7 +216,7 @@ impl Worker {
         let replicas = std::mem::take(&mut tile.replicas);
         let mut tally = Tally { unit: *unit, replicas, discarded: 0, reuse: std::mem::take(&mut self.reuse) };
         if settings.shares.any() {
-            tally.reuse.begin(tile.pixels(), from, to, step);
+            tally.reuse.begin(rectangle, from, to, step);
         }
         let mut cursor = Cursor::new(from, to, step);
         let Self { paths, next, hits, shadows, order, joiner, counters, .. } = self;

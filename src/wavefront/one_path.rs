@@ -55,7 +55,7 @@ fn run_covered<C: Coverage>(
     let replicas = std::mem::take(&mut tile.replicas);
     let mut tally = Tally { unit: job.unit, replicas, discarded: 0, reuse: std::mem::take(&mut worker.reuse) };
     if job.settings.shares.any() {
-        tally.reuse.begin(tile.pixels(), from, to, step);
+        tally.reuse.begin([tile.x, tile.y, tile.width, tile.height], from, to, step);
     }
     for sample in (from..to).step_by(step as usize) {
         for slot in 0..tile.width * tile.height {
@@ -89,6 +89,7 @@ fn trace<C: Coverage>(
     let Job { scene, settings, lens, filter, sampler, .. } = job;
     let pixel_hash = sampler.pixel_hash(x, y);
     let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
+    let (mut hash, mut index) = (pixel_hash, sample);
     let name = |depth, kind| if settings.blends { ray_id(pixel_hash, sample, depth, kind) } else { 0 };
     let u = pair(Integer::splat(dimensions::FILTER));
     let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
@@ -146,7 +147,8 @@ fn trace<C: Coverage>(
             eta_scale,
             slot: [slot; 8],
             sample: [sample; 8],
-            pixel_hash: [pixel_hash; 8],
+            index: [index; 8],
+            pixel_hash: [hash; 8],
             depth: [depth; 8],
             medium: [medium; 8],
         };
@@ -165,10 +167,11 @@ fn trace<C: Coverage>(
         }
         throughput = departure.throughput;
         eta_scale = departure.eta_scale;
+        (hash, index) = (departure.pixel_hash[0], departure.index[0]);
         let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
         if q < 1.0 {
             let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
-            let u: f32 = sampler.one(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
+            let u: f32 = sampler.one(Integer::splat(hash), Integer::splat(index), dimension);
             if u >= q {
                 return;
             }

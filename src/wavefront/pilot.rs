@@ -137,7 +137,9 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
         (0..KINDS).for_each(|kind| links[kind] += square.links[kind] / pixels);
     }
     let noise = noise.map(without_worst);
-    if std::env::var("PILOT").is_ok() { eprintln!("noise {noise:?} links {links:?} rays {rays} price {price}"); }
+    if std::env::var("PILOT").is_ok() {
+        eprintln!("noise {noise:?} links {links:?} rays {rays} price {price}");
+    }
     let (mut best, mut least) = (Shares::of(0, all.group), noise[0] * (BASE + rays));
     for set in (1..1 << KINDS).filter(|set| set & !all.bits() == 0) {
         let links: f64 = (0..KINDS).filter(|kind| set >> kind & 1 == 1).map(|kind| links[kind]).sum();
@@ -153,7 +155,9 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
             }
         }
     }
-    if std::env::var("PILOT").is_ok() { eprintln!("{best:?}"); }
+    if std::env::var("PILOT").is_ok() {
+        eprintln!("{best:?}");
+    }
     best
 }
 

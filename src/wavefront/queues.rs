@@ -81,7 +81,9 @@ queue! {
         slot: u32,
         /// Index of the sample.
         sample: u32,
-        /// Stands for the pixel in the sampler.
+        /// Place of its numbers in the sampler's sequence: that of the sample, or of all who share.
+        index: u32,
+        /// Stands for the pixel in the sampler, or for all who share.
         pixel_hash: u32,
         /// Scatterings behind it.
         depth: u32,

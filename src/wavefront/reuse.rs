@@ -6,9 +6,10 @@
 //! then connects every near vertex of a group with every far one (Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by
 //! Re-Using Paths"). For the price of shadow rays each pixel gets the light of as many paths as the group has.
 
-use super::{shade::Arrived, surface::Surface};
+use super::{groups, shade::Arrived, surface::Surface};
 use crate::{
     bsdf::Params,
+    sampling::Sampler,
     simd::{Real, V3},
 };
 
@@ -52,6 +53,11 @@ impl Shares {
     /// Whether there is anything.
     pub fn any(self) -> bool {
         self.bits() != 0
+    }
+
+    /// Whether there is anything that scattered rays find.
+    pub fn scattered(self) -> bool {
+        self.surface || self.sky
     }
 
     /// A bit for each kind.
@@ -181,6 +187,9 @@ pub struct Reuse {
     first_sample: u32,
     step: u32,
     pixels: u32,
+    /// First pixel, and pixels in a row.
+    corner: [u32; 2],
+    width: u32,
     /// See [`stage`].
     pub stage: Vec<u8>,
     /// Where [`stage::NEAR`].
@@ -194,8 +203,10 @@ pub struct Reuse {
 }
 
 impl Reuse {
-    /// Forgets everything, and makes room for every `step`-th of samples `from..to` of so many pixels.
-    pub fn begin(&mut self, pixels: usize, from: u32, to: u32, step: u32) {
+    /// Forgets everything, and makes room for every `step`-th of samples `from..to` of a rectangle of pixels.
+    pub fn begin(&mut self, [x, y, width, height]: [u32; 4], from: u32, to: u32, step: u32) {
+        let pixels = (width * height) as usize;
+        (self.corner, self.width) = ([x, y], width);
         (self.first_sample, self.step, self.pixels) = (from, step, pixels as u32);
         let rows = pixels * (to - from).div_ceil(step) as usize;
         self.stage.clear();
@@ -212,6 +223,14 @@ impl Reuse {
     #[inline(always)]
     pub fn row(&self, slot: u32, sample: u32) -> usize {
         ((sample - self.first_sample) / self.step * self.pixels + (slot & SLOT)) as usize
+    }
+
+    /// Where the numbers of a path come from that shares what it finds with others, see [`groups::key`].
+    #[inline]
+    pub fn key(&self, sampler: &Sampler, group: usize, slot: u32, sample: u32) -> (u32, u32) {
+        let slot = slot & SLOT;
+        let [x, y] = self.corner;
+        groups::key(sampler, group, [x + slot % self.width, y + slot / self.width], sample)
     }
 
     /// Adds light to a far vertex. Contributions of one path come in the order of its vertices, whatever runs beside it.

@@ -5,6 +5,7 @@ use wide::f32x8;
 use super::{
     Settings, ahead, caustic, dimensions, direct,
     queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
+    resample::{Candidate, Place},
     reuse::{FIRST, Glimpse, Reuse, SHARED},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts, Surface},
@@ -13,7 +14,7 @@ use crate::{
     bsdf::Bsdf,
     flat::{FlatScene, NONE, SceneNeeds},
     light::Receiver,
-    sampling::{Sampler, mis},
+    sampling::Sampler,
     simd::{Bits, LANES, Mask, Real, Rgb, V3},
 };
 
@@ -35,6 +36,8 @@ pub struct Arrived<F: Real> {
     pub slot: [u32; 8],
     /// As in the path queue.
     pub sample: [u32; 8],
+    /// As in the path queue.
+    pub index: [u32; 8],
     /// As in the path queue.
     pub pixel_hash: [u32; 8],
     /// As in the path queue.
@@ -79,6 +82,10 @@ pub struct Departure<F: Real> {
     pub side: [u32; 8],
     /// Where its light goes.
     pub slot: [u32; 8],
+    /// Where its numbers come from from here on.
+    pub index: [u32; 8],
+    /// As above.
+    pub pixel_hash: [u32; 8],
     /// Lanes that go on.
     pub lanes: u32,
 }
@@ -145,6 +152,12 @@ fn role<F: Real>(at: &Arrived<F>, settings: &Settings, surface: &Surface<F>, reu
     role
 }
 
+/// Lanes whose surface is the first of its path.
+#[inline(always)]
+fn first_surfaces<F: Real>(at: &Arrived<F>) -> u32 {
+    (0..F::LANES).filter(|&lane| at.depth[lane] == 0).fold(0, |bits, lane| bits | 1 << lane)
+}
+
 /// One scattering: the kernel behind [`shade`], for eight lanes or one.
 ///
 /// Contributions along the connection and the departure are complete but for visibility and roulette.
@@ -163,8 +176,9 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let prepared = B::prepare(&surface.params, surface.wo_local);
     let active = F::Mask::from_bits(at.active);
     let bits = |values: &[u32; 8]| F::Bits::from_fn(|lane| values[lane]);
-    let (pixel_hash, sample, depth) = (bits(&at.pixel_hash), bits(&at.sample), bits(&at.depth));
-    let pair = |decision| sampler.pair::<F>(pixel_hash, sample, dimensions::at::<F>(depth, decision));
+    let depth = bits(&at.depth);
+    let (pixel_hash, index) = (bits(&at.pixel_hash), bits(&at.index));
+    let pair = |decision| sampler.pair::<F>(pixel_hash, index, dimensions::at::<F>(depth, decision));
     let (u_choice, u_lobe) = pair(dimensions::CHOICE);
     let zero = F::zero();
     let transmissive = parts == Parts::All;
@@ -189,24 +203,29 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), slot, lanes: 0 };
     let lit = active & B::scatters(&prepared);
     if settings.sample_lights && lit.any() {
-        let light = direct::sample(
+        let place = Place::<F, B> {
             scene,
             settings,
-            &surface,
-            lit.bits(),
+            sampler,
+            surface: &surface,
+            prepared: &prepared,
+            throughput,
             transmissive,
-            u_choice,
-            pair(dimensions::LIGHT),
-            &mut counters.light_lookups,
-        );
-        let wi = surface.frame.to_local(light.wi);
-        let (above, below) = surface.sides(light.wi, wi);
-        let sides = if transmissive { (above & light.up) | (below & !light.up) } else { above };
-        let reached = lit & light.valid & sides;
+            pixel_hash,
+            index,
+            depth,
+        };
+        let lookups = &mut counters.light_lookups;
+        // What pixels share of the sky is known by the density of a single sample.
+        let shares_sky = settings.shares.sky || settings.shares.lit;
+        let first = if parts == Parts::Opaque && !shares_sky { lit.bits() & first_surfaces::<F>(at) } else { 0 };
+        let chosen = if first == 0 {
+            place.candidate(lit, u_choice, pair(dimensions::LIGHT), lookups)
+        } else {
+            place.best(lit, F::Mask::from_bits(first), lookups)
+        };
+        let Candidate { light, f, mut carried, below, reached } = chosen;
         if reached.any() {
-            let (f, pdf) = B::eval(&prepared, wi);
-            let weight = F::select(light.pdf.gt(zero), mis::power(light.pdf, pdf), F::one());
-            let mut carried = throughput * f * light.light * weight;
             let origin = light.origin;
             let direction = V3::select(light.near, light.target - origin, light.target);
             if settings.absorbs {
@@ -252,7 +271,20 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         }
     }
 
-    let drawn = B::sample(&prepared, u_lobe, pair(dimensions::DIRECTION));
+    let (mut hash_on, mut index_on) = (at.pixel_hash, at.index);
+    let (u_lobe, u_direction) = if near != 0 && settings.shares.scattered() {
+        // What they find is for all of them, and so they look for it as one: their numbers are one sequence.
+        for lane in (0..F::LANES).filter(|lane| near >> lane & 1 == 1) {
+            (hash_on[lane], index_on[lane]) = reuse.key(sampler, settings.shares.group, at.slot[lane], at.sample[lane]);
+        }
+        let (pixel_hash, index) = (bits(&hash_on), bits(&index_on));
+        let pair = |decision| sampler.pair::<F>(pixel_hash, index, dimensions::at::<F>(depth, decision));
+        let u_lobe = if parts == Parts::Color { u_lobe } else { pair(dimensions::CHOICE).1 };
+        (u_lobe, pair(dimensions::DIRECTION))
+    } else {
+        (u_lobe, pair(dimensions::DIRECTION))
+    };
+    let drawn = B::sample(&prepared, u_lobe, u_direction);
     let wi = surface.frame.to_world(drawn.wi);
     let (above, below) = surface.sides(wi, drawn.wi);
     let agrees = if transmissive { (above & !drawn.transmitted) | (below & drawn.transmitted) } else { above };
@@ -290,6 +322,8 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         eta_scale,
         medium,
         slot,
+        index: index_on,
+        pixel_hash: hash_on,
         side: std::array::from_fn(|lane| {
             if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }
         }),
@@ -325,6 +359,7 @@ fn gather(rows: &[u32], materials: &[u32], max_depth: u32, paths: &PathQueue, hi
         eta_scale: number(&paths.eta_scale),
         slot: bits(&paths.slot),
         sample: bits(&paths.sample),
+        index: bits(&paths.index),
         pixel_hash: bits(&paths.pixel_hash),
         depth: bits(&paths.depth),
         medium: bits(&paths.medium),
@@ -422,7 +457,8 @@ fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQue
         eta_scale: d.eta_scale.to_array(),
         slot: d.slot,
         sample: at.sample,
-        pixel_hash: at.pixel_hash,
+        index: d.index,
+        pixel_hash: d.pixel_hash,
         depth: at.depth.map(|depth| depth + 1),
         medium: d.medium,
         side: d.side,

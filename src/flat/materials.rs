@@ -22,6 +22,8 @@ pub mod flags {
     pub const EMISSIVE: u32 = 1 << 7;
     /// Has a lobe that is a mirror or clear glass, wherever it is met.
     pub const DELTA: u32 = 1 << 8;
+    /// May have a lobe so narrow that some direction is drawn with a density above 2/sr.
+    pub const SHINY: u32 = 1 << 9;
 }
 
 /// Alpha from which on a blended surface covers wholly: one, less what rounding may take from it, and above all else that

@@ -182,6 +182,18 @@ impl EnvironmentTable {
     #[inline]
     pub fn sample(&self, u: f64, v: (f32, f32)) -> ([f32; 3], f32, [f32; 3]) {
         let (texel, _) = self.choice.sample(u);
+        let (direction, radiance) = self.in_texel(texel, v);
+        (direction, self.radiance_pdf::<f32>(V3::from_array(radiance)), radiance)
+    }
+
+    /// Solid angle of a texel, sr.
+    pub fn solid_angle(&self, texel: u32) -> f32 {
+        2.0 * TAU * self.band[(texel / self.width) as usize][1] / self.width as f32
+    }
+
+    /// A unit direction in world space, uniform in the solid angle of a texel but for rounding, and the radiance there, nit.
+    #[inline]
+    pub fn in_texel(&self, texel: u32, v: (f32, f32)) -> ([f32; 3], [f32; 3]) {
         let along = v.0;
         // The texel is fetched before it is sure to be the right one.
         let drawn = self.texels[texel as usize];
@@ -200,7 +212,7 @@ impl EnvironmentTable {
         let inside = |place: f32| place > self.seam && place < 1.0 - self.seam;
         let radiance = if inside(along) && inside(v.1) { drawn } else { self.radiance(direction) };
         debug_assert_eq!(radiance, self.radiance(direction), "inside the seam rounding cannot cross an edge");
-        (direction, self.radiance_pdf::<f32>(V3::from_array(radiance)), radiance)
+        (direction, radiance)
     }
 
     /// What the part that is looked for brings to a surface, lx: the mean over all ways that it may face.

@@ -9,6 +9,9 @@ use crate::{
     world::{AlphaMode, EmissiveSurface, Material, SceneKey},
 };
 
+/// Roughness from which on no lobe of a surface is narrow: 1/2πα³ is below 2 there.
+const LEAST_MATT_ROUGHNESS: f32 = 0.66;
+
 /// Which material, and which emission put in its place, a row stands for.
 pub type MaterialUse = (Option<SceneKey>, Option<SceneKey>);
 
@@ -87,6 +90,9 @@ fn row_of(m: &Material, key: Option<SceneKey>, vertex_colors: bool, textures: &m
     // Where a texture has a say, few of its texels are smooth enough; paths find what those do.
     let smooth = metallic_roughness_texture == NONE && m.roughness * m.roughness < DELTA_ALPHA;
     add_if(flags::DELTA, smooth && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0 || transmissive));
+    // Facets of width α are drawn with a density of 1/2πα³ at most.
+    let narrow = metallic_roughness_texture != NONE || m.roughness < LEAST_MATT_ROUGHNESS || transmissive;
+    add_if(flags::SHINY, narrow && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0 || transmissive));
     let absorption = m.attenuation_color.to_array().map(|color| {
         // Black would be absorbed at once; the smallest positive colour is near enough and stays finite.
         if m.is_solid() && m.attenuation_distance.is_finite() {

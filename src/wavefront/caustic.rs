@@ -11,6 +11,14 @@
 //! - along which no normal of a delta has to be bent and nothing else is scattered off its facet (see the shadow terminator
 //!   in `docs/model.md`): what that does to paths has no inverse.
 //!
+//! So it is with suns, the few texels of a sky that are far brighter than it is on average: what is scattered at a surface,
+//! then off something shiny and into a sun lights single pixels up when a path finds it. The light's is what
+//!
+//! - comes from a texel of a sun,
+//! - is scattered first by a delta, or into a direction from which camera paths go to the sun with a density of more than
+//!   [`NARROW`], which no material does that is not marked as shiny,
+//! - and then goes on as above.
+//!
 //! A path from the camera remembers in the sign of its `eta_scale` whether that holds so far: negative if so.
 
 use super::surface::Surface;
@@ -18,12 +26,15 @@ use crate::{
     accel::Hit,
     bsdf::Sampled,
     flat::{FlatScene, NONE, flags},
-    simd::{Mask, Real},
+    simd::{Mask, Real, V3},
 };
 
 /// Density per sr above which a direction is left to paths from the camera: they go there often enough. Diffuse surfaces stay
 /// below 1/π.
 const SELDOM: f32 = 2.0;
+
+/// Density per sr above which the way from a surface to a sun is left to light paths.
+pub const NARROW: f32 = 2.0;
 
 /// Lanes whose material has a lobe that is a delta for light from emitters too.
 #[inline(always)]
@@ -74,6 +85,13 @@ pub fn is_one(scene: &FlatScene, eta_scale: f32, pdf: f32, hit: &Hit) -> bool {
     }
     let light = scene.light_of(hit.instance, hit.triangle);
     light != NONE && emits(scene, light)
+}
+
+/// True if what a path with so many scatterings sees of the sky is brought by light paths; `suns` is the luminance above which
+/// texels are suns, nit.
+#[inline(always)]
+pub fn is_of_sun(suns: f32, eta_scale: f32, pdf: f32, depth: u32, radiance: [f32; 3]) -> bool {
+    eta_scale < 0.0 && depth >= 2 && (pdf == 0.0 || pdf > NARROW) && V3::<f32>::from_array(radiance).luminance() > suns
 }
 
 /// True if light paths start at an emitter.

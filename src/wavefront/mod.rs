@@ -112,6 +112,8 @@ pub struct Settings {
     pub asks_ahead: bool,
     /// Light comes from the emitters too.
     pub caustics: bool,
+    /// Luminance of the sky above which light comes from there too, nit.
+    pub suns: f32,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
 }
@@ -154,6 +156,7 @@ impl<'a> Job<'a> {
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
                 shares: shares(scene, settings),
                 caustics: light_paths.is_some(),
+                suns: light_paths.as_ref().map_or(f32::INFINITY, LightPaths::suns),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
@@ -275,6 +278,7 @@ impl Worker {
                                 rows,
                                 settings.transparent,
                                 settings.shares.sky,
+                                settings.suns,
                                 paths,
                                 &mut tally,
                             );

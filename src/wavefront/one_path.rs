@@ -105,6 +105,9 @@ fn trace<C: Coverage>(
             {
                 let direction = V3::from_array(direction);
                 let seen = sky::seen::<f32>(scene, environment, direction, pdf, |_| Receiver::new(origin, side));
+                if caustic::is_of_sun(settings.suns, eta_scale, pdf, depth, seen.radiance.lane(0)) {
+                    return;
+                }
                 sky::add(tally, settings.shares.sky && depth == 1, (slot, sample), direction, &seen, throughput, 0);
             }
             return;

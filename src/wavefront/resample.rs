@@ -27,6 +27,8 @@ pub struct Candidate<F: Real> {
     pub light: LightSample<F>,
     /// f·cos towards it.
     pub f: Rgb<F>,
+    /// Density with which the BSDF draws it, 1/sr.
+    pub pdf: F,
     /// What it brings to the pixel if nothing is in the way, nit.
     pub carried: Rgb<F>,
     /// It is below the surface.
@@ -71,12 +73,12 @@ impl<F: Real, B: Bsdf> Place<'_, F, B> {
         let reached = lit & light.valid & sides;
         if !reached.any() {
             let none = V3::splat(0.0);
-            return Candidate { light, f: none, carried: none, below, reached };
+            return Candidate { light, f: none, pdf: F::zero(), carried: none, below, reached };
         }
         let (f, pdf) = B::eval(self.prepared, wi);
         let weight = F::select(light.pdf.gt(F::zero()), mis::power(light.pdf, pdf), F::one());
         let carried = (self.throughput * f * light.light * weight).masked(reached);
-        Candidate { light, f, carried, below, reached }
+        Candidate { light, f, pdf, carried, below, reached }
     }
 
     /// One of [`CANDIDATES`] in the lanes `many`, and one that stands alone in the others of `lit`.
@@ -137,6 +139,7 @@ impl<F: Real> Candidate<F> {
                 sky: l.sky & first.bits() | m.sky & !first.bits(),
             },
             f: vector(a.f, b.f),
+            pdf: number(a.pdf, b.pdf),
             carried: vector(a.carried, b.carried),
             below: mask(a.below, b.below),
             reached: mask(a.reached, b.reached),

@@ -128,6 +128,8 @@ fn role<F: Real>(at: &Arrived<F>, settings: &Settings, surface: &Surface<F>, reu
         // Which of its light is left to light paths would not be the same for all who share it.
         lanes &= !surface.is_lifted.bits();
     }
+    // What is left to light paths depends on where shiny surfaces are seen from.
+    let matt = surface.params.specular.max(surface.params.metallic).le(F::zero()).bits();
     for lane in (0..F::LANES).filter(|lane| lanes >> lane & 1 == 1) {
         if at.medium[lane] != NONE {
             continue;
@@ -135,6 +137,7 @@ fn role<F: Real>(at: &Arrived<F>, settings: &Settings, surface: &Surface<F>, reu
         if at.depth[lane] == 0 {
             role.near |= 1 << lane;
         } else if settings.shares.surface
+            && (settings.suns == f32::INFINITY || matt >> lane & 1 == 1)
             && reuse.awaits_far(at.slot[lane], at.sample[lane])
             && surface.bent.bits() >> lane & 1 == 0
         {
@@ -224,7 +227,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         } else {
             place.best(lit, F::Mask::from_bits(first), lookups)
         };
-        let Candidate { light, f, mut carried, below, reached } = chosen;
+        let Candidate { light, f, pdf, mut carried, below, reached } = chosen;
         if reached.any() {
             let origin = light.origin;
             let direction = V3::select(light.near, light.target - origin, light.target);
@@ -246,6 +249,18 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
                 (kept.to_light, kept.f_light) = (light.wi.lane(lane), f.lane(lane));
             }
             let mut lanes = reached & !carried.max_element().eq(zero);
+            if settings.suns < f32::INFINITY && light.sky != 0 {
+                let exact = !surface.is_lifted | below;
+                let radiance = light.light * light.pdf;
+                for lane in (0..F::LANES).filter(|lane| (light.sky & exact.bits()) >> lane & 1 == 1) {
+                    // As it would be if a scattered ray had found it.
+                    let (eta_scale, depth) = (at.eta_scale.lane(lane), at.depth[lane] + 1);
+                    let pdf = pdf.lane(lane);
+                    if pdf > 0.0 && caustic::is_of_sun(settings.suns, eta_scale, pdf, depth, radiance.lane(lane)) {
+                        lanes = lanes & !F::Mask::from_bits(1 << lane);
+                    }
+                }
+            }
             let shared = if settings.shares.lit { near & light.sky } else { 0 }
                 & reached.bits()
                 & light.wi.dot(surface.ng).gt(zero).bits();

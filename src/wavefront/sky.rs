@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{queues::PathQueue, reuse::Glimpse, stats::Blocks, tally::Tally};
+use super::{caustic, queues::PathQueue, reuse::Glimpse, stats::Blocks, tally::Tally};
 use crate::{
     flat::{EnvironmentLight, FlatScene},
     light::Receiver,
@@ -74,13 +74,14 @@ pub fn add<F: Real>(
 }
 
 /// Adds what the paths in `rows` see of the sky; with `hidden`, camera rays see nothing of it. If it `shares`, what paths see from
-/// their near vertex is kept for others.
+/// their near vertex is kept for others. What is brighter than `suns` may be left to light paths.
 pub fn sky(
     scene: &FlatScene,
     sky: &EnvironmentLight,
     rows: &[u32],
     hidden: bool,
     shares: bool,
+    suns: f32,
     paths: &PathQueue,
     tally: &mut Tally,
 ) -> Blocks {
@@ -95,7 +96,9 @@ pub fn sky(
         };
         let seen = seen(scene, sky, direction, column(&paths.pdf), at);
         for (lane, &i) in index.iter().enumerate().take(rows.len()) {
-            if !(hidden && paths.depth[i] == 0) {
+            let radiance = seen.radiance.lane(lane);
+            let of_sun = caustic::is_of_sun(suns, paths.eta_scale[i], paths.pdf[i], paths.depth[i], radiance);
+            if !of_sun && !(hidden && paths.depth[i] == 0) {
                 let path = (paths.slot[i], paths.sample[i]);
                 add(tally, shares && paths.depth[i] == 1, path, direction, &seen, throughput, lane);
             }

@@ -15,6 +15,7 @@ mod queues;
 mod relay;
 mod splat;
 mod start;
+mod sun;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,7 @@ use self::{
     queues::{LightBlock, LightPath, LightQueue, SightBlock, SightQueue},
     relay::{Around, Landed, Onward, Seen},
     start::Emitters,
+    sun::{FROM_SUN, Suns},
     targets::Targets,
 };
 use super::{
@@ -45,7 +47,7 @@ use crate::{
     film::{Splat, Splats},
     flat::{FlatScene, NONE, SceneNeeds, ShadingClass, flags},
     render::RenderSettings,
-    sampling::FilterDensity,
+    sampling::{FilterDensity, Sampler},
     simd::{LANES, Mask, Real, V3},
 };
 
@@ -61,6 +63,7 @@ const FOLLOWED: f32 = 0.125;
 pub struct LightPaths {
     targets: Targets,
     emitters: Emitters,
+    suns: Option<Suns>,
     filter: FilterDensity,
     /// For each sample of the picture. A power of two, so that those of a sample cover the emitters evenly.
     pub count: u32,
@@ -70,18 +73,59 @@ impl LightPaths {
     /// Those of a scene, if it has any.
     pub fn new(scene: &FlatScene, settings: &RenderSettings) -> Option<Self> {
         // A caustic takes two scatterings.
-        if !settings.caustics
-            || !scene.needs.has(SceneNeeds::CAUSTICS)
-            || settings.max_depth.is_some_and(|most| most < 2)
-        {
+        if !settings.caustics || settings.max_depth.is_some_and(|most| most < 2) {
             return None;
         }
-        let targets = Targets::new(scene);
-        let emitters = Emitters::new(scene, &targets);
+        let caustics = scene.needs.has(SceneNeeds::CAUSTICS);
+        let targets = if caustics { Targets::new(scene, flags::DELTA) } else { Targets::default() };
+        let emitters = if caustics { Emitters::new(scene, &targets) } else { Emitters::default() };
+        let suns = Suns::new(scene);
         let pixels = f64::from(settings.width) * f64::from(settings.height);
         let count = 1 << (pixels * RATE).log2().round().clamp(4.0, 30.0) as u32;
         let filter = FilterDensity::new(settings.filter);
-        (!emitters.is_empty()).then_some(Self { targets, emitters, filter, count })
+        (!emitters.is_empty() || suns.is_some()).then_some(Self { targets, emitters, suns, filter, count })
+    }
+
+    /// Luminance of the sky above which light comes from there, nit.
+    pub fn suns(&self) -> f32 {
+        self.suns.as_ref().map_or(f32::INFINITY, |suns| suns.least)
+    }
+
+    /// True if a triangle belongs to what a path that has met nothing is aimed at.
+    fn aims(&self, scene: &FlatScene, target: u32, instance: u32, triangle: u32) -> bool {
+        match &self.suns {
+            Some(suns) if target & FROM_SUN != 0 => suns.targets.of(scene, instance, triangle) | FROM_SUN == target,
+            _ => self.targets.of(scene, instance, triangle) == target,
+        }
+    }
+
+    /// Start of one of all paths: every second one comes from a sun where others come from emitters.
+    fn start(
+        &self,
+        scene: &FlatScene,
+        sampler: &Sampler,
+        key: u32,
+        index: u32,
+        lookups: &mut u64,
+    ) -> Option<LightPath> {
+        let (emitters, targets) = (&self.emitters, &self.targets);
+        match &self.suns {
+            None => emitters.start(scene, targets, sampler, key, index, lookups),
+            Some(suns) if emitters.is_empty() => suns.start(scene, sampler, key, index),
+            Some(suns) => {
+                let path = if index & 1 == 0 {
+                    emitters.start(scene, targets, sampler, key, index, lookups)
+                } else {
+                    suns.start(scene, sampler, key, index)
+                };
+                path.map(|path| LightPath {
+                    flux_r: 2.0 * path.flux_r,
+                    flux_g: 2.0 * path.flux_g,
+                    flux_b: 2.0 * path.flux_b,
+                    ..path
+                })
+            }
+        }
     }
 }
 
@@ -163,8 +207,7 @@ impl LightWorker {
                 let index = first.wrapping_add(started);
                 started += 1;
                 let lookups = &mut counters.texture_lookups;
-                if let Some(mut path) = light.emitters.start(scene, &light.targets, sampler, around.key, index, lookups)
-                {
+                if let Some(mut path) = light.start(scene, sampler, around.key, index, lookups) {
                     if settings.absorbs {
                         path.node = history.push(on_emitter(scene, path.node));
                     }
@@ -184,7 +227,7 @@ impl LightWorker {
             sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);
             next.rewind();
             sights.rewind();
-            let wave = Wave { around: &around, targets: &light.targets, paths, hits, materials: &order.materials };
+            let wave = Wave { around: &around, light, paths, hits, materials: &order.materials };
             for piece in order.pieces() {
                 for class in ShadingClass::SCATTERING {
                     let rows = piece.run(class as usize);
@@ -214,7 +257,7 @@ fn on_emitter(scene: &FlatScene, node: u32) -> Node {
 /// A wave of light paths with what they met.
 struct Wave<'a> {
     around: &'a Around<'a>,
-    targets: &'a Targets,
+    light: &'a LightPaths,
     paths: &'a LightQueue,
     hits: &'a HitQueue,
     materials: &'a [u32],
@@ -253,14 +296,15 @@ impl Wave<'_> {
         let Self { around: Around { scene, settings, .. }, paths, hits, .. } = *self;
         let number = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
         let bits = |column: &[u32]| -> [u32; LANES] { std::array::from_fn(|lane| column[index[lane]]) };
-        let (mut back, mut active, mut passes) = (0, 0, 0);
+        let (mut back, mut active, mut passes, mut from_sun) = (0, 0, 0, 0);
         for (lane, &i) in index.iter().enumerate() {
             back |= hits.back[i] << lane;
             if lane >= count || paths.depth[i] >= settings.max_depth {
                 continue;
             }
             let aimed =
-                paths.depth[i] > 0 || self.targets.of(scene, hits.instance[i], hits.triangle[i]) == paths.target[i];
+                paths.depth[i] > 0 || self.light.aims(scene, paths.target[i], hits.instance[i], hits.triangle[i]);
+            from_sun |= u32::from(paths.depth[i] == 0 && paths.target[i] & FROM_SUN != 0) << lane;
             active |= u32::from(aimed) << lane;
             let has_back =
                 scene.materials.flags[self.materials[i] as usize] & (flags::DOUBLE_SIDED | flags::TRANSMISSION) != 0;
@@ -278,7 +322,7 @@ impl Wave<'_> {
             material: bits(self.materials),
         };
         let flux = V3::new(number(&paths.flux_r), number(&paths.flux_g), number(&paths.flux_b));
-        (Landed { hits, active, flux, index: bits(&paths.index), depth: bits(&paths.depth) }, passes)
+        (Landed { hits, active, flux, index: bits(&paths.index), depth: bits(&paths.depth), from_sun }, passes)
     }
 
     /// True for one of [`FOLLOWED`]⁻¹ paths that meet a surface, by chance.

@@ -50,6 +50,8 @@ pub struct Landed<F: Real> {
     pub index: [u32; 8],
     /// As in the queue.
     pub depth: [u32; 8],
+    /// Lanes that come from a sun and have met nothing before.
+    pub from_sun: u32,
 }
 
 /// What the camera sees, per lane.
@@ -152,9 +154,10 @@ pub fn relay<F: Real, B: Bsdf, const TEXTURED: bool>(
     let below = drawn.wi.z.lt(zero) & height.lt(zero);
     let agrees = if transmissive { (above & !drawn.transmitted) | (below & drawn.transmitted) } else { above };
     let view = surface.view(onward, true);
-    let (f, _) = scattered::<F, B>(&surface, &view, to_light, cos_light, transmissive);
+    let (f, density) = scattered::<F, B>(&surface, &view, to_light, cos_light, transmissive);
     let mut weight = f * (height.abs() / F::select(drawn.pdf.gt(zero), drawn.pdf, one));
-    let mut goes_on = !first;
+    // What is shiny enough sends the light of a sun on.
+    let mut goes_on = !first | (F::Mask::from_bits(at.from_sun) & density.gt(F::splat(caustic::NARROW)));
     if drawn.delta.any() {
         let cos_smooth = view.frame.to_local(to_light).z;
         // A camera path would be sent here from the side that it comes from.

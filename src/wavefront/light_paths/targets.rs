@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::flat::{FlatScene, NONE, flags};
+use crate::flat::{FlatScene, NONE};
 
 /// Most balls. Each light path looks at all of them.
 const MOST: usize = 32;
@@ -37,13 +37,13 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// Those of a scene.
-    pub fn new(scene: &FlatScene) -> Self {
+    /// Those of a scene: what is made of materials with one of these flags.
+    pub fn new(scene: &FlatScene, of: u32) -> Self {
         let mut parts = Vec::new();
         for instance in 0..scene.instances.len() {
             let mesh = &scene.meshes[scene.instances.mesh[instance] as usize];
             let base = scene.instances.material_base[instance];
-            for slot in (0..mesh.slot_count.max(1)).filter(|&slot| is_delta(scene, base + slot)) {
+            for slot in (0..mesh.slot_count.max(1)).filter(|&slot| is_one(scene, base + slot, of)) {
                 parts.extend(bounds(scene, instance, slot).map(|(lower, upper)| Part {
                     slot: base + slot,
                     lower,
@@ -65,6 +65,11 @@ impl Targets {
     /// Balls.
     pub fn len(&self) -> usize {
         self.center.len()
+    }
+
+    /// Centres and radii.
+    pub fn balls(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        self.center.iter().copied().zip(self.radius.iter().copied())
     }
 
     /// The ball that a triangle belongs to, or `NONE`.
@@ -95,8 +100,8 @@ impl Targets {
     }
 }
 
-fn is_delta(scene: &FlatScene, slot: u32) -> bool {
-    scene.materials.flags[scene.material_rows[slot as usize] as usize] & flags::DELTA != 0
+fn is_one(scene: &FlatScene, slot: u32, of: u32) -> bool {
+    scene.materials.flags[scene.material_rows[slot as usize] as usize] & of != 0
 }
 
 /// Corners of the box around the triangles of a slot in the world; none if there are none.

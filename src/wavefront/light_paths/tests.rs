@@ -110,7 +110,7 @@ fn balls_hold_what_they_are_for() {
         let mut renderer = Renderer::new();
         renderer.sync(&mut scene);
         let flat = renderer.scene();
-        let targets = Targets::new(flat);
+        let targets = Targets::new(flat, flags::DELTA);
         assert_eq!(targets.len(), count.min(32) as usize);
         for instance in 0..flat.instances.len() {
             let mesh = &flat.meshes[flat.instances.mesh[instance] as usize];

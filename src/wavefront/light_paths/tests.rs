@@ -131,7 +131,7 @@ fn balls_hold_what_they_are_for() {
     scene.spawn((Shape::Plane, MaterialSlots::from(mirror), LocalTransform::Matrix(DAffine3::IDENTITY)));
     let mut renderer = Renderer::new();
     renderer.sync(&mut scene);
-    let targets = Targets::new(renderer.scene());
+    let targets = Targets::new(renderer.scene(), flags::DELTA);
     assert!(targets.len() == 1 && targets.aim(0, Vec3::ONE, Vec3::Y).towards.is_none());
 }
 

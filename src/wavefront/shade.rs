@@ -165,7 +165,9 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let bits = |values: &[u32; 8]| F::Bits::from_fn(|lane| values[lane]);
     let (pixel_hash, sample, depth) = (bits(&at.pixel_hash), bits(&at.sample), bits(&at.depth));
     let pair = |decision| sampler.pair::<F>(pixel_hash, sample, dimensions::at::<F>(depth, decision));
-    let (u_choice, u_lobe) = pair(dimensions::CHOICE);
+    // One light is no choice, and one lobe neither.
+    let chooses = B::CHOOSES || settings.only_flat_light.is_none();
+    let (u_choice, u_lobe) = if chooses { pair(dimensions::CHOICE) } else { (F::zero(), F::zero()) };
     let zero = F::zero();
     let transmissive = parts == Parts::All;
     let solids = if transmissive { surface.params.solid.bits() } else { 0 };
@@ -181,8 +183,8 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let reflected = F::Mask::splat(true);
     let start = if near == 0 { surface.p } else { surface.leave(reflected) };
     let sky_pmf = |lane: usize| {
-        let side = direct::side(settings, &surface, reflected, false, lane);
-        scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), side))
+        let sides = direct::sides(settings, &surface, reflected, false);
+        scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), sides.lane(lane)))
     };
 
     let mut connection =
@@ -282,6 +284,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     if settings.caustics {
         eta_scale = caustic::marked(scene, &at.hits.material, &at.depth, at.eta_scale, &surface, &drawn, eta_scale);
     }
+    let sides = direct::sides(settings, &surface, above, transmissive);
     let departure = Departure {
         origin: surface.leave_at(above, above & !drawn.delta),
         direction: wi,
@@ -290,9 +293,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         eta_scale,
         medium,
         slot,
-        side: std::array::from_fn(|lane| {
-            if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }
-        }),
+        side: std::array::from_fn(|lane| sides.lane(lane % F::LANES)),
         lanes: goes_on.bits(),
     };
     (connection, departure)

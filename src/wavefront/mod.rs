@@ -51,6 +51,7 @@ mod reuse;
 mod schedule;
 mod stats;
 mod surface;
+mod taken;
 mod tally;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,6 @@
 //! Scatters paths at surfaces: samples a light for the shadow queue, and the BSDF for the next ray.
 
-use wide::f32x8;
+use wide::{f32x8, u32x8};
 
 use super::{
     Settings, ahead, caustic, dimensions, direct,
@@ -8,6 +8,7 @@ use super::{
     reuse::{FIRST, Glimpse, Reuse, SHARED},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts, Surface},
+    taken::Taken,
 };
 use crate::{
     bsdf::Bsdf,
@@ -165,6 +166,9 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let bits = |values: &[u32; 8]| F::Bits::from_fn(|lane| values[lane]);
     let (pixel_hash, sample, depth) = (bits(&at.pixel_hash), bits(&at.sample), bits(&at.depth));
     let pair = |decision| sampler.pair::<F>(pixel_hash, sample, dimensions::at::<F>(depth, decision));
+    // Side by side, since each waits for one product after another.
+    let u_light = if settings.sample_lights { pair(dimensions::LIGHT) } else { (F::zero(), F::zero()) };
+    let u_direction = pair(dimensions::DIRECTION);
     // One light is no choice, and one lobe neither.
     let chooses = B::CHOOSES || settings.only_flat_light.is_none();
     let (u_choice, u_lobe) = if chooses { pair(dimensions::CHOICE) } else { (F::zero(), F::zero()) };
@@ -198,7 +202,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
             lit.bits(),
             transmissive,
             u_choice,
-            pair(dimensions::LIGHT),
+            u_light,
             &mut counters.light_lookups,
         );
         let wi = surface.frame.to_local(light.wi);
@@ -254,7 +258,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         }
     }
 
-    let drawn = B::sample(&prepared, u_lobe, pair(dimensions::DIRECTION));
+    let drawn = B::sample(&prepared, u_lobe, u_direction);
     let wi = surface.frame.to_world(drawn.wi);
     let (above, below) = surface.sides(wi, drawn.wi);
     let agrees = if transmissive { (above & !drawn.transmitted) | (below & drawn.transmitted) } else { above };
@@ -299,35 +303,38 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     (connection, departure)
 }
 
-/// Gathers the rows of one block; lanes beyond repeat the last row, paths at their greatest depth rest.
+/// Gathers the rows of one block; paths at their greatest depth rest.
 #[inline(always)]
-fn gather(rows: &[u32], materials: &[u32], max_depth: u32, paths: &PathQueue, hits: &HitQueue) -> Arrived<f32x8> {
-    let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
-    let number = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
-    let bits = |column: &[u32]| -> [u32; LANES] { std::array::from_fn(|lane| column[index[lane]]) };
-    let (mut back, mut active) = (0, 0);
-    for (lane, &i) in index.iter().enumerate() {
-        back |= hits.back[i] << lane;
-        active |= u32::from(lane < rows.len() && paths.depth[i] < max_depth) << lane;
-    }
+fn gather<const NEAR: bool>(
+    taken: &Taken,
+    rows: usize,
+    materials: &[u32],
+    max_depth: u32,
+    paths: &PathQueue,
+    hits: &HitQueue,
+) -> Arrived<f32x8> {
+    let number = |column: &[f32]| f32x8::new(taken.of::<NEAR, f32>(column));
+    let bits = |column: &[u32]| taken.of::<NEAR, u32>(column);
+    let (depth, back) = (bits(&paths.depth), bits(&hits.back));
+    let goes_on = u32x8::new(depth).simd_lt(u32x8::splat(max_depth)).to_bitmask();
     let incoming = Incoming {
         direction: V3::new(number(&paths.dx), number(&paths.dy), number(&paths.dz)),
         b1: number(&hits.b1),
         b2: number(&hits.b2),
-        back: Mask::from_bits(back),
+        back: Mask::from_bits(u32x8::new(back).simd_gt(u32x8::ZERO).to_bitmask()),
         instance: bits(&hits.instance),
         triangle: bits(&hits.triangle),
         material: bits(materials),
     };
     Arrived {
         hits: incoming,
-        active,
+        active: goes_on & ((1 << rows) - 1),
         throughput: V3::new(number(&paths.throughput_r), number(&paths.throughput_g), number(&paths.throughput_b)),
         eta_scale: number(&paths.eta_scale),
         slot: bits(&paths.slot),
         sample: bits(&paths.sample),
         pixel_hash: bits(&paths.pixel_hash),
-        depth: bits(&paths.depth),
+        depth,
         medium: bits(&paths.medium),
     }
 }
@@ -368,7 +375,12 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
                 ahead::texels(scene, later(block * LANES, ahead::TEXELS), materials, hits);
             }
         }
-        let at = gather(rows, materials, settings.max_depth, paths, hits);
+        let taken = Taken::new(rows);
+        let at = if taken.is_near(hits.len()) {
+            gather::<true>(&taken, rows.len(), materials, settings.max_depth, paths, hits)
+        } else {
+            gather::<false>(&taken, rows.len(), materials, settings.max_depth, paths, hits)
+        };
         if at.active == 0 {
             continue;
         }

@@ -43,6 +43,7 @@ mod caustic;
 mod coverage;
 mod dimensions;
 mod direct;
+mod fetch;
 mod light_paths;
 mod one_path;
 mod pilot;

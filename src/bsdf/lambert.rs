@@ -11,6 +11,8 @@ pub struct Lambert;
 impl Bsdf for Lambert {
     type Prepared<F: Real> = Rgb<F>;
 
+    const CHOOSES: bool = false;
+
     #[inline(always)]
     fn prepare<F: Real>(params: &Params<F>, _: V3<F>) -> Rgb<F> {
         params.base_color

@@ -112,6 +112,9 @@ pub trait Bsdf: Copy + 'static {
     /// What depends on the parameters and `wo` alone.
     type Prepared<F: Real>: Copy;
 
+    /// [`Bsdf::sample`] reads the number that chooses a lobe.
+    const CHOOSES: bool = true;
+
     /// Does once what [`Bsdf::eval`] and [`Bsdf::sample`] both need. `wo` is of unit length, `wo.z > 0`.
     fn prepare<F: Real>(params: &Params<F>, wo: V3<F>) -> Self::Prepared<F>;
 

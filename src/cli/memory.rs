@@ -36,6 +36,7 @@ pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {
         (
             "lights",
             lights.triangles.len() * EmissiveTriangles::ROW_BYTES
+                + size_of_val(&lights.facets[..])
                 + lights.shapes.len() * EmissiveShapes::ROW_BYTES
                 + lights.local.len() * LocalLights::ROW_BYTES
                 + lights.distant.len() * DistantLights::ROW_BYTES,

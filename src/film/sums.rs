@@ -27,25 +27,20 @@ impl Unit {
         Self { log2: exponent - DEPTH }
     }
 
-    /// `value` in steps, rounded towards zero; `None` if it is not finite or too large to be added up.
-    #[inline]
-    pub fn quantise(self, value: f32) -> Option<i128> {
+    /// `value` in steps, rounded towards zero, and whether it can be added up: it is finite and not too large.
+    ///
+    /// Without branches: channels of one colour differ in which would be taken.
+    #[inline(always)]
+    pub fn quantise(self, value: f32) -> (i128, bool) {
         let bits = value.to_bits();
         let exponent = (bits >> 23 & 0xff) as i32;
-        if exponent == 0xff {
-            return None;
-        }
         // value = mantissa · 2^(exponent − 150), with the implicit bit where it is a normal number.
-        let (mantissa, exponent) =
-            if exponent == 0 { (bits & 0x7f_ffff, 1) } else { (bits & 0x7f_ffff | 0x80_0000, exponent) };
-        let shift = exponent - 150 - self.log2;
-        let magnitude = match shift {
-            ..=-24 => 0,
-            -23..=-1 => i128::from(mantissa >> -shift),
-            0..=92 => i128::from(mantissa) << shift,
-            _ => return None,
-        };
-        Some(if value < 0.0 { -magnitude } else { magnitude })
+        let mantissa = bits & 0x7f_ffff | u32::from(exponent != 0) << 23;
+        let shift = exponent.max(1) - 150 - self.log2;
+        let whole = mantissa >> (-shift).clamp(0, 31);
+        let magnitude = i128::from(whole) << (shift.max(0) & 127);
+        let sign = -i128::from(bits >> 31);
+        ((magnitude ^ sign) - sign, (exponent != 0xff) & (shift <= 92))
     }
 
     /// The number that a sum of steps stands for.
@@ -67,8 +62,10 @@ impl Sums {
     /// Adds a contribution; false, and nothing added, if it is not finite or out of range.
     #[inline]
     pub fn add(&mut self, unit: Unit, pixel: usize, value: [f32; 3]) -> bool {
-        let [r, g, b] = value;
-        let (Some(r), Some(g), Some(b)) = (unit.quantise(r), unit.quantise(g), unit.quantise(b)) else { return false };
+        let [(r, fits_r), (g, fits_g), (b, fits_b)] = value.map(|value| unit.quantise(value));
+        if !(fits_r & fits_g & fits_b) {
+            return false;
+        }
         let sum = &mut self.0[pixel];
         sum[0] += r;
         sum[1] += g;

@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use bytemuck::{Pod, Zeroable};
+
+use super::NONE;
 use crate::{
     light::{EnvironmentTable, LightChoice},
     soa,
@@ -91,6 +94,54 @@ soa! {
     }
 }
 
+/// A light, or a point of one, in one piece as its sampling reads it: its columns lie in as many places of memory.
+///
+/// What is not said of a kind of light is zero.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Candidate {
+    /// The point, m, or the first corner of a flat light, or the direction of one far away.
+    pub target: [f32; 3],
+    /// See [`EmissiveTriangles`].
+    pub e1: [f32; 3],
+    /// See [`EmissiveTriangles`].
+    pub e2: [f32; 3],
+    /// See [`EmissiveTriangles`]; of a local light scale and offset of the cosine.
+    pub error: [f32; 3],
+    /// Unit normal, or axis.
+    pub normal: [f32; 3],
+    /// nit; of a local light cd, of one far away lx.
+    pub radiance: [f32; 3],
+    /// Area of a flat light, one over the density by area of a shape or that by solid angle, density for the sky.
+    pub measure: f32,
+    /// 1 for a parallelogram.
+    pub four: f32,
+    /// 1 if the back emits too.
+    pub two_sided: f32,
+    /// 1 if a texture scales the radiance of a flat light.
+    pub textured: f32,
+    /// Fills whole vectors.
+    pub padding: [f32; 2],
+}
+
+impl From<EmissiveTriangle> for Candidate {
+    fn from(light: EmissiveTriangle) -> Self {
+        Self {
+            target: light.p0,
+            e1: light.e1,
+            e2: light.e2,
+            error: light.error,
+            normal: light.n,
+            radiance: light.radiance,
+            measure: light.area,
+            four: light.four as f32,
+            two_sided: light.two_sided as f32,
+            textured: if light.texture == NONE { 0.0 } else { 1.0 },
+            padding: [0.0; 2],
+        }
+    }
+}
+
 /// The sky.
 #[derive(Clone, Debug)]
 pub enum EnvironmentLight {
@@ -109,6 +160,8 @@ pub enum EnvironmentLight {
 pub struct Lights {
     /// Emitting triangles.
     pub triangles: EmissiveTriangles,
+    /// The same, row by row.
+    pub facets: Vec<Candidate>,
     /// Emitting shapes.
     pub shapes: EmissiveShapes,
     /// Point and spot lights.

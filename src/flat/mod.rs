@@ -20,7 +20,7 @@ pub use self::{
     camera::{CameraView, ViewProjection},
     instances::{Instance, Instances},
     lights::{
-        DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,
+        Candidate, DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,
         EnvironmentLight, Lights, LocalLight, LocalLights,
     },
     materials::{COVERS, MaterialRow, Materials, ShadingClass, flags},

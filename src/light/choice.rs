@@ -1,6 +1,9 @@
 //! One of all lights: those that are somewhere, those that are infinitely far away, and the sky.
 
-use super::{Chosen, Emitter, LightTree, Receiver};
+use wide::f32x8;
+
+use super::{Choices, Chosen, Emitter, LightTree, Receiver, Receivers};
+use crate::simd::{LANES, Mask, Real};
 
 /// Lights infinitely far away, by how much they bring to a surface that faces them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,12 +57,6 @@ const EVEN: f32 = 0.25;
 #[inline(always)]
 fn of_side(at: &Receiver) -> f32 {
     if at.halved { 0.5 } else { 1.0 }
-}
-
-/// With a probability times `share`.
-#[inline(always)]
-fn scaled(chosen: Option<Chosen>, share: f32) -> Option<Chosen> {
-    chosen.map(|chosen| Chosen { pmf: chosen.pmf * share, ..chosen })
 }
 
 impl LightChoice {
@@ -126,35 +123,45 @@ impl LightChoice {
     /// A light, and with which probability, that of the side included; none if nothing can arrive.
     #[inline]
     pub fn sample(&self, at: &Receiver, u: f64) -> Option<Chosen> {
-        self.sample_each(&[*at], [u], 1)[0]
+        self.sample_each(&(*at).into(), [u; LANES], 1).lane(0)
     }
 
     /// As [`LightChoice::sample`] for several places, those of `lanes`.
     #[inline]
-    pub fn sample_each<const N: usize>(&self, at: &[Receiver; N], u: [f64; N], lanes: u32) -> [Option<Chosen>; N] {
+    pub fn sample_each(&self, at: &Receivers, u: [f64; LANES], lanes: u32) -> Choices {
+        let of_side = Real::select(Mask::from_bits(at.halved), f32x8::HALF, f32x8::ONE);
         if self.far.illuminance.is_empty() && self.sky <= 0.0 {
             let mut chosen = self.near.sample_each(at, u, lanes);
-            chosen.iter_mut().zip(at).for_each(|(chosen, at)| *chosen = scaled(*chosen, of_side(at)));
+            chosen.pmf *= of_side;
             return chosen;
         }
-        let (mut chosen, mut u) = ([None; N], u);
-        let (mut shares, mut near) = ([0.0; N], 0);
-        for lane in (0..N).filter(|lane| lanes >> lane & 1 == 1) {
-            let of = self.shares(&at[lane]);
-            if u[lane] < f64::from(of.near) {
-                u[lane] = if of.near < 1.0 { u[lane] / f64::from(of.near) } else { u[lane] };
-                shares[lane] = of.near;
+        if self.near.is_empty() && self.far.illuminance.is_empty() {
+            return Choices { row: [self.sky_row(); LANES], pmf: of_side, rest: u, lanes };
+        }
+        let mut chosen = Choices { row: [0; LANES], pmf: f32x8::ZERO, rest: u, lanes: 0 };
+        let (mut pmf, mut near) = ([0.0; LANES], 0);
+        for lane in (0..LANES).filter(|lane| lanes >> lane & 1 == 1) {
+            let (at, u) = (at.lane(lane), &mut chosen.rest[lane]);
+            let of = self.shares(&at);
+            if *u < f64::from(of.near) {
+                *u = if of.near < 1.0 { *u / f64::from(of.near) } else { *u };
+                pmf[lane] = of.near;
                 near |= 1 << lane;
-            } else {
-                chosen[lane] = scaled(self.far_away(&at[lane], u[lane], of), of_side(&at[lane]));
+            } else if let Some(far) = self.far_away(&at, *u, of) {
+                (chosen.row[lane], pmf[lane], *u) = (far.row, far.pmf, far.rest);
+                chosen.lanes |= 1 << lane;
             }
         }
+        chosen.pmf = f32x8::new(pmf);
         if near != 0 {
-            let from_near = self.near.sample_each(at, u, near);
-            for lane in (0..N).filter(|lane| near >> lane & 1 == 1) {
-                chosen[lane] = scaled(from_near[lane], shares[lane] * of_side(&at[lane]));
+            let from_near = self.near.sample_each(at, chosen.rest, near);
+            for lane in (0..LANES).filter(|lane| near >> lane & 1 == 1) {
+                (chosen.row[lane], chosen.rest[lane]) = (from_near.row[lane], from_near.rest[lane]);
             }
+            chosen.pmf = Real::select(Mask::from_bits(near), from_near.pmf * chosen.pmf, chosen.pmf);
+            chosen.lanes |= from_near.lanes;
         }
+        chosen.pmf *= of_side;
         chosen
     }
 

@@ -5,13 +5,13 @@
 //! those would miss (Karlík, Šik, Vévoda, Skřivan, Křivánek 2019, "MIS Compensation: Optimizing Sampling Techniques in Multiple
 //! Importance Sampling", section 5).
 
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
 use crate::{
-    sampling::AliasTable,
-    simd::{Real, Rgb, V3},
+    sampling::{AliasTable, warp::sin_cos_twice},
+    simd::{LANES, Mask, Real, Rgb, V3},
     world::EnvironmentMap,
 };
 
@@ -181,9 +181,21 @@ impl EnvironmentTable {
     /// If the whole map is as bright everywhere.
     #[inline]
     pub fn sample(&self, u: f64, v: (f32, f32)) -> ([f32; 3], f32, [f32; 3]) {
-        let (texel, _) = self.choice.sample(u);
-        let (direction, radiance) = self.in_texel(texel, v);
-        (direction, self.radiance_pdf::<f32>(V3::from_array(radiance)), radiance)
+        let (direction, pdf, radiance) = self.sample_each::<f32>(&[u; LANES], v, 1);
+        (direction.lane(0), pdf, radiance.lane(0))
+    }
+
+    /// As [`EnvironmentTable::sample`], for `lanes`; the others get anything.
+    ///
+    /// # Panics
+    /// If the whole map is as bright everywhere.
+    #[inline(always)]
+    pub fn sample_each<F: Real>(&self, u: &[f64; LANES], (along, down): (F, F), lanes: u32) -> (V3<F>, F, Rgb<F>) {
+        let texel: [u32; LANES] = std::array::from_fn(|lane| {
+            if lane < F::LANES && lanes >> lane & 1 == 1 { self.choice.sample(u[lane]).0 } else { 0 }
+        });
+        let (direction, radiance) = self.in_texels(&texel, (along, down), lanes);
+        (direction, self.radiance_pdf(radiance), radiance)
     }
 
     /// Solid angle of a texel, sr.
@@ -191,27 +203,41 @@ impl EnvironmentTable {
         2.0 * TAU * self.band[(texel / self.width) as usize][1] / self.width as f32
     }
 
-    /// A unit direction in world space, uniform in the solid angle of a texel but for rounding, and the radiance there, nit.
-    #[inline]
-    pub fn in_texel(&self, texel: u32, v: (f32, f32)) -> ([f32; 3], [f32; 3]) {
-        let along = v.0;
+    /// Unit directions in world space, each uniform in the solid angle of a texel but for rounding, and the radiance there, nit.
+    #[inline(always)]
+    pub fn in_texels<F: Real>(&self, texel: &[u32; LANES], (along, down): (F, F), lanes: u32) -> (V3<F>, Rgb<F>) {
         // The texel is fetched before it is sure to be the right one.
-        let drawn = self.texels[texel as usize];
-        let (row, column) = (texel / self.width, texel % self.width);
-        let [near, extent] = self.band[row as usize];
-        let share = v.1.mul_add(extent, near);
-        let y = 1.0 - 2.0 * share;
-        let y = if 2 * row < self.height { y } else { -y };
-        let radius = 2.0 * (share * (1.0 - share)).sqrt();
+        let mut radiance = Rgb::<F>::from_fn(|lane| self.texels[texel[lane] as usize]);
+        let [near, extent, column, upwards] = F::columns_of_four(|lane| {
+            let (row, column) = (texel[lane] / self.width, texel[lane] % self.width);
+            let [near, extent] = self.band[row as usize];
+            [near, extent, column as f32, if 2 * row < self.height { 1.0 } else { -1.0 }]
+        });
+        let one = F::one();
+        let share = down.mul_add(extent, near);
+        let y = F::splat(-2.0).mul_add(share, one) * upwards;
+        let radius = F::splat(2.0) * (share * (one - share)).safe_sqrt();
         // The column is counted from u = 0.5, where the map looks along +X, so that the sum loses little.
-        let from_middle = (column as f32 - 0.5 * self.width as f32) + along;
-        let (z, x) = (TAU * from_middle / self.width as f32).sin_cos();
+        let from_middle = (column - F::splat(0.5 * self.width as f32)) + along;
+        let (z, x) = sin_cos_twice(from_middle * F::splat(PI / self.width as f32));
+        // A step of Newton's brings them back to the circle, which they are some roundings off.
+        let radius = radius * x.mul_add(x, z * z).mul_add(F::splat(-0.5), F::splat(1.5));
         let (x, z) = (x * radius, z * radius);
-        let [sin, cos] = self.rotation_sin_cos;
-        let direction = [x * cos + z * sin, y, z * cos - x * sin];
-        let inside = |place: f32| place > self.seam && place < 1.0 - self.seam;
-        let radiance = if inside(along) && inside(v.1) { drawn } else { self.radiance(direction) };
-        debug_assert_eq!(radiance, self.radiance(direction), "inside the seam rounding cannot cross an edge");
+        let [sin, cos] = self.rotation_sin_cos.map(F::splat);
+        let direction = V3::new(x * cos + z * sin, y, z * cos - x * sin);
+        let seam = F::splat(self.seam);
+        let inside = |place: F| seam.lt(place) & place.lt(one - seam);
+        let at_edge = lanes & !(inside(along) & inside(down)).bits();
+        if at_edge != 0 {
+            radiance = Rgb::from_fn(|lane| match at_edge >> lane & 1 {
+                1 => self.radiance(direction.lane(lane)),
+                _ => radiance.lane(lane),
+            });
+        }
+        for lane in (0..F::LANES).filter(|lane| cfg!(debug_assertions) && lanes >> lane & 1 == 1) {
+            let seen = self.radiance(direction.lane(lane));
+            debug_assert_eq!(radiance.lane(lane), seen, "inside the seam rounding cannot cross an edge");
+        }
         (direction, radiance)
     }
 

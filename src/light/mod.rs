@@ -15,13 +15,19 @@ pub use choice::LightChoice;
 pub use environment::EnvironmentTable;
 use environment::turns;
 pub use facets::{Facets, Seen};
-pub use receiver::{Receiver, pack};
+pub use receiver::{Receiver, Receivers, pack};
 pub use shape::Density;
-pub use tree::{Chosen, Emitter, LightTree};
+pub use tree::{Choices, Chosen, Emitter, LightTree};
 
 /// Random numbers for tests.
 #[cfg(test)]
 fn numbers(stream: u32) -> impl FnMut() -> f64 {
     let mut pairs = crate::sampling::tests::numbers(stream, u32::MAX);
     move || f64::from(pairs.next().expect("more than any test draws").0)
+}
+
+/// A normal and side for tests.
+#[cfg(test)]
+fn packed(n: [f32; 3], halved: bool) -> u32 {
+    pack(crate::simd::V3::<f32>::from_array(n), halved).0
 }

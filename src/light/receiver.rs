@@ -1,5 +1,9 @@
 //! Where light is looked for.
 
+use std::num::Wrapping;
+
+use crate::simd::{Bits, LANES, Real, V3};
+
 /// A point that light may arrive at, and the side of the surface there.
 ///
 /// The same whether a light is drawn from there or found by a scattered ray that left there, bit for bit: so both know the
@@ -21,36 +25,80 @@ impl Receiver {
     /// Of a point and a packed side.
     #[inline]
     pub fn new(p: [f32; 3], side: u32) -> Self {
-        Self { p, n: unpack(side), halved: side & 1 == 1 }
+        let n: V3<f32> = unpack(Wrapping(side));
+        Self { p, n: [n.x, n.y, n.z], halved: side & 1 == 1 }
     }
 }
 
-/// A unit normal, and whether its side was chosen at even odds, in 32 bits (Cigolle et al. 2014, "A Survey of Efficient
-/// Representations for Independent Unit Vectors", oct32 with a bit less). It comes back within 1.6e-4 rad.
-#[inline]
-pub fn pack(n: [f32; 3], halved: bool) -> u32 {
-    let scale = 1.0 / (n[0].abs() + n[1].abs() + n[2].abs());
-    let [x, y, z] = n.map(|v| v * scale);
-    let folded = [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)];
-    let [x, y] = if z < 0.0 { folded } else { [x, y] };
-    let step = |v: f32| (v.mul_add(STEPS, STEPS + 0.5)) as u32;
-    (step(x) << 16 | step(y) << 1 >> 1) & !1 | u32::from(halved)
+/// A [`Receiver`] per lane, by columns.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Receivers {
+    /// As of a [`Receiver`], axis by axis.
+    pub p: [[f32; LANES]; 3],
+    /// As of a [`Receiver`], axis by axis.
+    pub n: [[f32; LANES]; 3],
+    /// As of a [`Receiver`], lane by lane.
+    pub halved: u32,
 }
 
-#[inline]
-fn unpack(side: u32) -> [f32; 3] {
-    let number = |bits: u32| (bits as f32 - STEPS) * (1.0 / STEPS);
-    let (x, y) = (number(side >> 16), number(side & 0xfffe));
-    let z = 1.0 - x.abs() - y.abs();
-    let fold = (-z).max(0.0);
-    let n = [x - fold.copysign(x), y - fold.copysign(y), z];
-    let scale = 1.0 / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-    n.map(|v| v * scale)
+impl Receivers {
+    /// Of points and packed sides.
+    #[inline(always)]
+    pub fn new<F: Real>(p: V3<F>, sides: F::Bits) -> Self {
+        let columns = |v: V3<F>| {
+            let mut columns = [[0.0; LANES]; 3];
+            [v.x, v.y, v.z].into_iter().zip(&mut columns).for_each(|(v, column)| v.store(column));
+            columns
+        };
+        let mut halved = 0;
+        (0..F::LANES).for_each(|lane| halved |= (sides.lane(lane) & 1) << lane);
+        Self { p: columns(p), n: columns(unpack(sides)), halved }
+    }
+
+    /// The one in a lane.
+    #[inline(always)]
+    pub fn lane(&self, lane: usize) -> Receiver {
+        Receiver {
+            p: [0, 1, 2].map(|axis: usize| self.p[axis][lane]),
+            n: [0, 1, 2].map(|axis: usize| self.n[axis][lane]),
+            halved: self.halved >> lane & 1 == 1,
+        }
+    }
+}
+
+impl From<Receiver> for Receivers {
+    /// The same in all lanes.
+    fn from(Receiver { p, n, halved }: Receiver) -> Self {
+        Self { p: p.map(|x| [x; LANES]), n: n.map(|x| [x; LANES]), halved: if halved { 0xff } else { 0 } }
+    }
+}
+
+/// Unit normals, and whether their sides were chosen at even odds, in 32 bits (Cigolle et al. 2014, "A Survey of Efficient
+/// Representations for Independent Unit Vectors", oct32 with a bit less). They come back within 1.6e-4 rad.
+#[inline(always)]
+pub fn pack<F: Real>(n: V3<F>, halved: bool) -> F::Bits {
+    let (one, zero) = (F::one(), F::zero());
+    let n = n * (one / (n.x.abs() + n.y.abs() + n.z.abs()));
+    let below = n.z.lt(zero);
+    let x = F::select(below, (one - n.y.abs()).copysign(n.x), n.x);
+    let y = F::select(below, (one - n.x.abs()).copysign(n.y), n.y);
+    let step = |v: F| v.mul_add(F::splat(STEPS), F::splat(STEPS + 0.5)).truncate();
+    step(x) << 16 | step(y) & F::Bits::splat(0xfffe) | F::Bits::splat(halved.into())
+}
+
+#[inline(always)]
+fn unpack<F: Real>(side: F::Bits) -> V3<F> {
+    let number = |bits: F::Bits| (F::whole(bits) - F::splat(STEPS)) * F::splat(1.0 / STEPS);
+    let (x, y) = (number(side >> 16), number(side & F::Bits::splat(0xfffe)));
+    let z = F::one() - x.abs() - y.abs();
+    let fold = (-z).max(F::zero());
+    V3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::packed;
     use crate::sampling::warp::uniform_sphere;
 
     #[test]
@@ -58,7 +106,7 @@ mod tests {
         for i in 0..100_000_u32 {
             let u = (i as f32 / 100_000.0, (i as f32 * 0.618_034).fract());
             let n: [f32; 3] = uniform_sphere::<f32>(u).lane(0);
-            let side = pack(n, i & 1 == 1);
+            let side = packed(n, i & 1 == 1);
             let back = Receiver::new([0.0; 3], side);
             let apart: f32 = (0..3).map(|k| (back.n[k] - n[k]).powi(2)).sum::<f32>().sqrt();
             assert!(apart < 1.6e-4, "{n:?} {back:?}");
@@ -66,7 +114,7 @@ mod tests {
         }
         for axis in 0..6 {
             let n = std::array::from_fn(|k| if k == axis / 2 { [1.0, -1.0][axis % 2] } else { 0.0 });
-            assert!((0..3).all(|k| (Receiver::new([0.0; 3], pack(n, false)).n[k] - n[k]).abs() < 1e-4));
+            assert!((0..3).all(|k| (Receiver::new([0.0; 3], packed(n, false)).n[k] - n[k]).abs() < 1e-4));
         }
     }
 }

@@ -8,10 +8,10 @@
 
 mod build;
 
-use wide::{f32x4, f32x8, i8x32};
+use wide::f32x8;
 
 pub use self::build::Emitter;
-use super::Receiver;
+use super::{Receiver, Receivers};
 use crate::simd::{LANES, Mask, Real};
 
 /// Marks a child as a light.
@@ -74,6 +74,28 @@ pub struct Chosen {
     pub rest: f64,
 }
 
+/// One drawn for each lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Choices {
+    /// As of [`Chosen`].
+    pub row: [u32; LANES],
+    /// As of [`Chosen`].
+    pub pmf: f32x8,
+    /// As of [`Chosen`].
+    pub rest: [f64; LANES],
+    /// Lanes that have one.
+    pub lanes: u32,
+}
+
+impl Choices {
+    /// The one in a lane.
+    #[inline]
+    pub fn lane(&self, lane: usize) -> Option<Chosen> {
+        let chosen = Chosen { row: self.row[lane], pmf: self.pmf.to_array()[lane], rest: self.rest[lane] };
+        (self.lanes >> lane & 1 == 1).then_some(chosen)
+    }
+}
+
 impl LightTree {
     /// Over lights, by rows; those without intensity are never drawn.
     pub fn new(emitters: &[Emitter]) -> Self {
@@ -107,36 +129,42 @@ impl LightTree {
     /// About what all of them bring, lx, if nothing is in the way.
     #[inline]
     pub fn illuminance(&self, at: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |root| all_of(sums(root.brings(at))).unwrap_or(0.0))
+        self.nodes.first().map_or(0.0, |root| all_of(root.brings(at)).unwrap_or(0.0))
     }
 
     /// A light, with a probability by what it could bring.
     #[inline]
     pub fn sample(&self, at: &Receiver, u: f64) -> Option<Chosen> {
-        self.sample_each(&[*at], [u], 1)[0]
+        self.sample_each(&(*at).into(), [u; LANES], 1).lane(0)
     }
 
-    /// As [`LightTree::sample`] for several places, those of `lanes`, a level of the tree at a time: while one waits for a
-    /// quotient, the next goes on.
+    /// As [`LightTree::sample`] for several places, those of `lanes`, a level of the tree at a time: of each lane's node
+    /// all children are looked at together, then of all lanes one is chosen together.
     #[inline]
-    pub fn sample_each<const N: usize>(&self, at: &[Receiver; N], u: [f64; N], lanes: u32) -> [Option<Chosen>; N] {
-        // The row is that of a node until a light is met.
-        let first = Chosen { row: self.alone.unwrap_or(0), pmf: 1.0, rest: 0.0 };
-        let here = |lane: usize| !self.nodes.is_empty() && lanes >> lane & 1 == 1;
-        let mut chosen = std::array::from_fn(|lane| here(lane).then_some(Chosen { rest: u[lane], ..first }));
-        if self.alone.is_some() || self.nodes.is_empty() {
-            return chosen;
-        }
-        let mut walking = lanes;
+    pub fn sample_each(&self, at: &Receivers, u: [f64; LANES], lanes: u32) -> Choices {
+        let row = [self.alone.unwrap_or(0); LANES];
+        let mut chosen = Choices { row, pmf: f32x8::ONE, rest: u, lanes: if self.is_empty() { 0 } else { lanes } };
+        let mut walking = if self.alone.is_some() { 0 } else { chosen.lanes };
         while walking != 0 {
-            let mut left = walking;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize % N;
-                left &= left - 1;
-                chosen[lane] = chosen[lane].and_then(|walk| self.nodes[walk.row as usize].step(&at[lane], walk));
-                let done = chosen[lane].is_none_or(|walk| walk.row & LIGHT != 0);
-                walking &= !(u32::from(done) << lane);
-                chosen[lane] = chosen[lane].map(|walk| Chosen { row: walk.row & !LIGHT, ..walk });
+            let mut shares = [f32x8::ZERO; LANES];
+            let mut children = [&self.nodes[0].child; LANES];
+            for lane in 0..LANES {
+                if walking >> lane & 1 == 1 {
+                    // The row is that of a node until a light is met.
+                    let node = &self.nodes[chosen.row[lane] as usize];
+                    shares[lane] = node.brings(&at.lane(lane));
+                    children[lane] = &node.child;
+                }
+            }
+            let (child, stays) = chosen.step(&f32x8::transpose(shares), walking);
+            chosen.lanes &= !walking | stays;
+            walking &= stays;
+            for lane in 0..LANES {
+                if walking >> lane & 1 == 1 {
+                    let row = children[lane][child[lane] as usize % LANES];
+                    chosen.row[lane] = row & !LIGHT;
+                    walking &= !(row >> 31 << lane);
+                }
             }
         }
         chosen
@@ -153,7 +181,7 @@ impl LightTree {
         while place != NOBODY {
             let (node, lane) = (&self.nodes[(place / LANES as u32) as usize], place as usize % LANES);
             let shares = node.brings(at);
-            let Some(all) = all_of(sums(shares)) else { return 0.0 };
+            let Some(all) = all_of(shares) else { return 0.0 };
             pmf *= shares.to_array()[lane] / all;
             place = node.parent;
         }
@@ -161,57 +189,51 @@ impl LightTree {
     }
 }
 
-/// From each lane's four neighbours to the lane, those `BY` below; zero where there are none.
+/// The sum of the shares of all children, one after the other, if it is more than nothing and finite.
 #[inline(always)]
-fn from_below<const BY: usize>(v: f32x8) -> f32x8 {
-    const fn places(by: usize) -> ([u8; 32], [u8; 32]) {
-        let (mut from, mut keep) = ([0; 32], [0; 32]);
-        let mut i = 0;
-        while i < 32 {
-            if i % 16 >= 4 * by {
-                (from[i], keep[i]) = ((i % 16 - 4 * by) as u8, u8::MAX);
-            }
-            i += 1;
-        }
-        (from, keep)
-    }
-    let (from, keep) = const { places(BY) };
-    let moved: i8x32 = bytemuck::cast::<_, i8x32>(v).swizzle_half_relaxed(bytemuck::cast(from));
-    bytemuck::cast(moved & bytemuck::cast::<_, i8x32>(keep))
-}
-
-/// Of each lane, the sum up to and with it.
-#[inline(always)]
-fn sums(shares: f32x8) -> f32x8 {
-    let two = shares + from_below::<1>(shares);
-    let [low, high]: [f32x4; 2] = bytemuck::cast(two + from_below::<2>(two));
-    bytemuck::cast([low, high + f32x4::splat(low.to_array()[3])])
-}
-
-/// The sum of all lanes, if it is more than nothing and finite; as [`sums`] has it.
-#[inline(always)]
-fn all_of(sums: f32x8) -> Option<f32> {
-    let all = sums.to_array()[LANES - 1];
+fn all_of(shares: f32x8) -> Option<f32> {
+    let [first, rest @ ..] = shares.to_array();
+    let all = rest.into_iter().fold(first, |sum, share| sum + share);
     (all > 0.0 && all < f32::INFINITY).then_some(all)
 }
 
-impl Node {
-    /// On to a child, whose row it gives; none if nothing is brought.
+impl Choices {
+    /// Chooses a child of each node by the children's shares, one vector for each child, and says which, and of which of the
+    /// `walking` lanes; nobody is chosen where nothing is brought.
     #[inline(always)]
-    fn step(&self, at: &Receiver, Chosen { pmf, rest, .. }: Chosen) -> Option<Chosen> {
-        let shares = self.brings(at);
-        let upto = sums(shares);
-        let all = all_of(upto)?;
-        let x = rest * f64::from(all);
-        let some = Real::gt(shares, f32x8::ZERO).bits();
-        let beyond = Real::gt(upto, f32x8::splat(x as f32)).bits() & some;
-        // The last with a share, if rounding leads past it.
-        let lane = if beyond == 0 { some.ilog2() } else { beyond.trailing_zeros() } as usize % LANES;
-        let (share, upto) = (shares.to_array()[lane], upto.to_array()[lane]);
-        let rest = ((x - f64::from(upto)) / f64::from(share) + 1.0).clamp(0.0, 1.0 - f64::EPSILON / 2.0);
-        Some(Chosen { row: self.child[lane], pmf: pmf * (share / all), rest })
+    fn step(&mut self, shares: &[f32x8; LANES], walking: u32) -> ([u32; LANES], u32) {
+        let mut upto = *shares;
+        (1..LANES).for_each(|child| upto[child] = upto[child - 1] + upto[child]);
+        let all = upto[LANES - 1];
+        let (mut x, mut rounded, wide) = ([0.0; LANES], [0.0; LANES], all.to_array());
+        for lane in 0..LANES {
+            x[lane] = self.rest[lane] * f64::from(wide[lane]);
+            rounded[lane] = x[lane] as f32;
+        }
+        // Rounding must not lead past the last with a share.
+        let below = Real::min(f32x8::new(rounded), all * f32x8::splat(1.0 - f32::EPSILON));
+        let (mut child, mut share, mut end) = (f32x8::splat((LANES - 1) as f32), shares[LANES - 1], all);
+        for earlier in (0..LANES - 1).rev() {
+            let beyond = Real::gt(upto[earlier], below);
+            child = Real::select(beyond, f32x8::splat(earlier as f32), child);
+            share = Real::select(beyond, shares[earlier], share);
+            end = Real::select(beyond, upto[earlier], end);
+        }
+        let some = Real::gt(share, f32x8::ZERO) & Real::lt(all, f32x8::splat(f32::INFINITY));
+        let stays = walking & some.bits();
+        let chosen = <f32x8 as Real>::Mask::from_bits(stays);
+        self.pmf = Real::select(chosen, self.pmf * (share / all), self.pmf);
+        let (share, end) = (share.masked(chosen).to_array(), end.to_array());
+        for lane in 0..LANES {
+            let share = f64::from(share[lane]);
+            let rest = ((x[lane] - f64::from(end[lane])) / share + 1.0).clamp(0.0, 1.0 - f64::EPSILON / 2.0);
+            self.rest[lane] = if share > 0.0 { rest } else { self.rest[lane] };
+        }
+        (bytemuck::cast(child.fast_trunc_int()), stays)
     }
+}
 
+impl Node {
     /// About what each child brings, lx; zero only where nothing does.
     ///
     /// The mean of the positive part of a number with mean a and variance b is near (a + √(a² + ¾b)) / 2: right for a single

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, BitAnd, BitOr, BitXor, Mul, Not, Shl, Shr};
 
-use wide::{f32x8, i8x32, i32x8, u32x8};
+use wide::{f32x4, f32x8, i8x32, i32x8, u32x8};
 
 use super::{Bits, Mask, Real};
 
@@ -229,5 +229,27 @@ impl Real for f32x8 {
     fn unit(bits: Bits8) -> Self {
         let upper: i32x8 = bytemuck::cast(bits.0 >> 8);
         Self::from_i32x8(upper) * Self::splat(1.0 / 16_777_216.0)
+    }
+    #[inline(always)]
+    fn truncate(self) -> Bits8 {
+        Bits8(bytemuck::cast(self.fast_trunc_int()))
+    }
+    #[inline(always)]
+    fn whole(bits: Bits8) -> Self {
+        Self::from_i32x8(bytemuck::cast(bits.0))
+    }
+    #[inline(always)]
+    fn columns_of_four(mut row: impl FnMut(usize) -> [f32; 4]) -> [Self; 4] {
+        let mut rows = [Self::ZERO; 8];
+        for (lane, both) in rows.iter_mut().enumerate().take(4) {
+            *both = bytemuck::cast([row(lane), row(lane + 4)]);
+        }
+        // Each half of a register is transposed by itself.
+        let columns = Self::transpose(rows).map(|column| bytemuck::cast::<_, [f32x4; 2]>(column)[0]);
+        std::array::from_fn(|i| bytemuck::cast([columns[i], columns[i + 4]]))
+    }
+    #[inline(always)]
+    fn columns_of_eight(row: impl FnMut(usize) -> [f32; 8]) -> [Self; 8] {
+        Self::transpose(std::array::from_fn(row).map(Self::new))
     }
 }

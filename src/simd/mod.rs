@@ -120,6 +120,14 @@ pub trait Real:
     fn sin_cos(self) -> (Self, Self);
     /// The upper 24 bits as a number in [0, 1).
     fn unit(bits: Self::Bits) -> Self;
+    /// The whole part of a number of at least 0 and below 2³¹.
+    fn truncate(self) -> Self::Bits;
+    /// A whole number below 2³¹.
+    fn whole(bits: Self::Bits) -> Self;
+    /// Column by column, rows of four numbers, one for each lane.
+    fn columns_of_four(row: impl FnMut(usize) -> [f32; 4]) -> [Self; 4];
+    /// Column by column, rows of eight numbers, one for each lane.
+    fn columns_of_eight(row: impl FnMut(usize) -> [f32; 8]) -> [Self; 8];
 
     /// 0 in all lanes.
     #[inline(always)]
@@ -203,5 +211,24 @@ mod tests {
             assert_eq!(Bits::reverse_bits(Wrapping(n)).0, n.reverse_bits());
         }
         assert_eq!(<f32 as Real>::unit(Wrapping(u32::MAX)), 1.0 - f32::EPSILON / 2.0, "below one");
+    }
+
+    #[test]
+    fn whole_numbers_and_columns_are_the_same_lane_by_lane() {
+        let numbers = f32x8::new([0.0, 0.9, 1.0, 2.5, 65_534.99, 8_388_608.0, 1e9, 2_147_483_520.0]);
+        let whole = Real::truncate(numbers);
+        let number = |row: usize, column: usize| (100 * row + column) as f32;
+        let eight = <f32x8 as Real>::columns_of_eight(|lane| std::array::from_fn(|column| number(lane, column)));
+        let four = <f32x8 as Real>::columns_of_four(|lane| std::array::from_fn(|column| number(lane, column)));
+        for lane in 0..LANES {
+            let one = numbers.to_array()[lane];
+            assert_eq!(whole.lane(lane), one as u32);
+            assert_eq!(Real::truncate(one).0, one as u32);
+            assert_eq!(Real::lane(<f32x8 as Real>::whole(whole), lane), one as u32 as f32);
+            assert_eq!(<f32 as Real>::whole(Wrapping(one as u32)), one as u32 as f32);
+            (0..8).for_each(|column| assert_eq!(eight[column].to_array()[lane], number(lane, column)));
+            (0..4).for_each(|column| assert_eq!(four[column].to_array()[lane], number(lane, column)));
+        }
+        assert_eq!(<f32 as Real>::columns_of_four(|lane| [lane as f32, 1.0, 2.0, 3.0]), [0.0, 1.0, 2.0, 3.0]);
     }
 }

@@ -115,4 +115,20 @@ impl Real for f32 {
     fn unit(bits: Self::Bits) -> Self {
         (bits.0 >> 8) as f32 * (1.0 / 16_777_216.0)
     }
+    #[inline(always)]
+    fn truncate(self) -> Self::Bits {
+        std::num::Wrapping(self as u32)
+    }
+    #[inline(always)]
+    fn whole(bits: Self::Bits) -> Self {
+        bits.0 as f32
+    }
+    #[inline(always)]
+    fn columns_of_four(mut row: impl FnMut(usize) -> [f32; 4]) -> [Self; 4] {
+        row(0)
+    }
+    #[inline(always)]
+    fn columns_of_eight(mut row: impl FnMut(usize) -> [f32; 8]) -> [Self; 8] {
+        row(0)
+    }
 }

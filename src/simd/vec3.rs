@@ -42,11 +42,11 @@ impl<F: Real> V3<F> {
     /// Lane `i` from `f(i)`.
     #[inline(always)]
     pub fn from_fn(mut f: impl FnMut(usize) -> [f32; 3]) -> Self {
-        let mut lanes = [[0.0; 3]; 8];
-        for (i, lane) in lanes.iter_mut().enumerate().take(F::LANES) {
-            *lane = f(i);
-        }
-        Self::new(F::from_fn(|i| lanes[i][0]), F::from_fn(|i| lanes[i][1]), F::from_fn(|i| lanes[i][2]))
+        let [x, y, z, _] = F::columns_of_four(|lane| {
+            let [x, y, z] = f(lane);
+            [x, y, z, 0.0]
+        });
+        Self::new(x, y, z)
     }
     /// From columns, at a slice start.
     #[inline(always)]

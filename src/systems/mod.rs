@@ -258,6 +258,8 @@ impl Systems {
 
     fn sync_lights(&mut self, world: &mut hecs::World, flat: &mut FlatScene) {
         (flat.lights.triangles, flat.light_rows) = lights::emissive_triangles(flat);
+        flat.lights.facets =
+            (0..flat.lights.triangles.len()).map(|row| flat.lights.triangles.row(row).into()).collect();
         flat.lights.shapes = lights::emissive_shapes(flat);
         flat.lights.local = lights::local_lights(world);
         flat.lights.distant = lights::distant_lights(world);

@@ -4,10 +4,10 @@ use glam::{DMat3, DVec3};
 
 use crate::{
     accel::Hit,
-    flat::{EnvironmentLight, FlatScene, NONE},
-    light::{Chosen, Density, Facets, Receiver, pack},
+    flat::{Candidate, EnvironmentLight, FlatScene, NONE},
+    light::{Density, Facets, Receiver, Receivers, pack},
     sampling::lengthen,
-    simd::{LANES, Mask, Real, Rgb, V3},
+    simd::{Bits, LANES, Mask, Real, Rgb, V3},
     world::Shape,
 };
 
@@ -36,24 +36,7 @@ pub struct LightSample<F: Real> {
     pub sky: u32,
 }
 
-/// What was chosen for one lane.
-#[derive(Clone, Copy, Default)]
-struct Picked {
-    /// The point, or the first corner of a flat light.
-    target: [f32; 3],
-    e1: [f32; 3],
-    e2: [f32; 3],
-    error: [f32; 3],
-    normal: [f32; 3],
-    radiance: [f32; 3],
-    /// Area of a flat light, one over the density by area of a shape or that by solid angle, density for the sky.
-    measure: f32,
-    pmf: f32,
-    /// Row of a flat light with a texture.
-    textured: u32,
-}
-
-/// As [`Picked`], of all lanes.
+/// As [`Candidate`], of all lanes.
 struct Columns<F: Real> {
     target: V3<F>,
     e1: V3<F>,
@@ -62,13 +45,15 @@ struct Columns<F: Real> {
     normal: V3<F>,
     radiance: Rgb<F>,
     measure: F,
-    pmf: F,
+    four: F,
+    two_sided: F,
+    textured: F,
 }
 
 impl<F: Real> Columns<F> {
     /// The same in all lanes.
     #[inline(always)]
-    fn all(one: &Picked) -> Self {
+    fn all(one: &Candidate) -> Self {
         Self {
             target: V3::from_array(one.target),
             e1: V3::from_array(one.e1),
@@ -77,39 +62,29 @@ impl<F: Real> Columns<F> {
             normal: V3::from_array(one.normal),
             radiance: V3::from_array(one.radiance),
             measure: F::splat(one.measure),
-            pmf: F::splat(one.pmf),
+            four: F::splat(one.four),
+            two_sided: F::splat(one.two_sided),
+            textured: F::splat(one.textured),
         }
     }
 
     #[inline(always)]
-    fn from_lanes(picked: &[Picked; 8]) -> Self {
+    fn from_lanes(picked: &[Candidate; LANES]) -> Self {
+        let part =
+            |i: usize| F::columns_of_eight(|lane| bytemuck::cast_ref::<Candidate, [[f32; 8]; 3]>(&picked[lane])[i]);
+        let ([a, b, c, d, e, f, g, h], [i, j, k, l, m, n, o, p], [q, r, s, t, u, v, ..]) = (part(0), part(1), part(2));
         Self {
-            target: V3::from_fn(|lane| picked[lane].target),
-            e1: V3::from_fn(|lane| picked[lane].e1),
-            e2: V3::from_fn(|lane| picked[lane].e2),
-            error: V3::from_fn(|lane| picked[lane].error),
-            normal: V3::from_fn(|lane| picked[lane].normal),
-            radiance: V3::from_fn(|lane| picked[lane].radiance),
-            measure: F::from_fn(|lane| picked[lane].measure),
-            pmf: F::from_fn(|lane| picked[lane].pmf),
+            target: V3::new(a, b, c),
+            e1: V3::new(d, e, f),
+            e2: V3::new(g, h, i),
+            error: V3::new(j, k, l),
+            normal: V3::new(m, n, o),
+            radiance: V3::new(p, q, r),
+            measure: s,
+            four: t,
+            two_sided: u,
+            textured: v,
         }
-    }
-}
-
-/// A flat light, of which the place is still to be drawn.
-#[inline(always)]
-fn on_facet(scene: &FlatScene, row: usize) -> Picked {
-    let flat = &scene.lights.triangles;
-    Picked {
-        target: flat.p0[row],
-        e1: flat.e1[row],
-        e2: flat.e2[row],
-        error: flat.error[row],
-        normal: flat.n[row],
-        radiance: flat.radiance[row],
-        measure: flat.area[row],
-        pmf: 0.0,
-        textured: if flat.texture[row] == NONE { NONE } else { row as u32 },
     }
 }
 
@@ -118,24 +93,22 @@ fn on_facet(scene: &FlatScene, row: usize) -> Picked {
 struct Kinds {
     /// Triangles and parallelograms.
     flat: u32,
-    four: u32,
     shape: u32,
     /// Shapes of which the measure is a density per sr.
     by_angle: u32,
-    two_sided: u32,
     local: u32,
     distant: u32,
     sky: u32,
 }
 
-/// The side of a surface that a ray leaves to, as a path carries it; 0 where it does not matter.
+/// The sides of surfaces that rays leave to, as paths carry them; 0 where it does not matter.
 #[inline(always)]
-pub fn side<F: Real>(settings: &Settings, surface: &Surface<F>, up: F::Mask, transmissive: bool, lane: usize) -> u32 {
+pub fn sides<F: Real>(settings: &Settings, surface: &Surface<F>, up: F::Mask, transmissive: bool) -> F::Bits {
     if !settings.lights_by_place {
-        return u32::from(transmissive);
+        return F::Bits::splat(transmissive.into());
     }
-    let n = surface.frame.n.lane(lane);
-    pack(if up.bits() >> lane & 1 == 1 { n } else { n.map(|x| -x) }, transmissive)
+    let n = surface.frame.n;
+    pack(if transmissive { V3::select(up, n, -n) } else { n }, transmissive)
 }
 
 /// Draws a light for each lane by what it could bring there, and a point on it.
@@ -163,33 +136,30 @@ pub fn sample<F: Real>(
         u_choice = F::select(up, twice, twice - F::one());
     }
     let origin = surface.leave(up);
-    let (mut kinds, mut picked) = (Kinds::default(), [Picked::default(); 8]);
-    let columns = if let Some(row) = settings.only_flat_light {
+    let mut kinds = Kinds::default();
+    let (columns, pmf, rows) = if let Some(row) = settings.only_flat_light {
         // All lanes look for the same, with certainty but for the side.
-        let pmf = if transmissive { 0.5 } else { 1.0 };
-        let one = Picked { pmf, ..on_facet(scene, row as usize) };
         kinds.flat = active;
-        kinds.four = active * scene.lights.triangles.four[row as usize];
-        kinds.two_sided = active * scene.lights.triangles.two_sided[row as usize];
-        Columns::all(&one)
+        let pmf = if transmissive { 0.5 } else { 1.0 };
+        (Columns::<F>::all(&lights.facets[row as usize]), F::splat(pmf), [row; LANES])
     } else {
-        let (mut at, mut choices) = ([Receiver::default(); LANES], [0.0; LANES]);
-        for lane in (0..F::LANES).filter(|lane| active >> lane & 1 == 1) {
-            // Many lights, and then a sky of many texels, need more bits than a sample has.
+        // Many lights, and then a sky of many texels, need more bits than a sample has.
+        let choices = std::array::from_fn(|lane| {
+            let lane = lane % F::LANES;
             let choice = u_choice.lane(lane);
-            choices[lane] = lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()));
-            at[lane] = Receiver::new(origin.lane(lane), side(settings, surface, up, transmissive, lane));
-        }
+            lengthen(choice, mix(choice.to_bits() ^ u.0.lane(lane).to_bits()))
+        });
+        let at = Receivers::new(origin, sides(settings, surface, up, transmissive));
         let chosen = lights.choice.sample_each(&at, choices, active);
+        let mut picked = [Candidate::default(); LANES];
         for (lane, one) in picked.iter_mut().enumerate().take(F::LANES) {
-            let Some(Chosen { row, pmf, rest }) = chosen[lane].filter(|_| active >> lane & 1 == 1) else { continue };
-            let bit = 1 << lane;
+            let (row, bit) = (chosen.row[lane], chosen.lanes & 1 << lane);
+            if bit == 0 {
+                continue;
+            }
             if row < first_local {
-                let (flat, row) = (&lights.triangles, row as usize);
                 kinds.flat |= bit;
-                kinds.four |= flat.four[row] << lane;
-                kinds.two_sided |= flat.two_sided[row] << lane;
-                *one = on_facet(scene, row);
+                *one = lights.facets[row as usize];
             } else if row < first_shape {
                 let light = lights.local.row((row - first_local) as usize);
                 kinds.local |= bit;
@@ -200,9 +170,8 @@ pub fn sample<F: Real>(
             } else if row < first_distant {
                 let row = (row - first_shape) as usize;
                 kinds.shape |= bit;
-                kinds.two_sided |= lights.shapes.two_sided[row] << lane;
                 let u = (u.0.lane(lane), u.1.lane(lane));
-                let (point, by_angle) = on_shape(scene, row, at[lane].p, u, &mut lookups[0]);
+                let (point, by_angle) = on_shape(scene, row, at.lane(lane).p, u, &mut lookups[0]);
                 kinds.by_angle |= u32::from(by_angle) << lane;
                 *one = point;
             } else if row < sky_row {
@@ -210,19 +179,27 @@ pub fn sample<F: Real>(
                 kinds.distant |= bit;
                 one.target = light.to_light;
                 one.radiance = light.illuminance;
-            } else if let Some(EnvironmentLight::Map(map)) = &lights.environment {
-                lookups[1] += 1;
+            } else {
                 kinds.sky |= bit;
-                let (direction, pdf, radiance) = map.sample(rest, (u.0.lane(lane), u.1.lane(lane)));
-                one.target = direction;
-                one.measure = pdf;
-                one.radiance = radiance;
             }
-            one.pmf = pmf;
         }
-        Columns::from_lanes(&picked)
+        let mut columns =
+            if kinds.sky == chosen.lanes { Columns::all(&Candidate::default()) } else { Columns::from_lanes(&picked) };
+        if kinds.sky != 0
+            && let Some(EnvironmentLight::Map(map)) = &lights.environment
+        {
+            lookups[1] += u64::from(kinds.sky.count_ones());
+            let is_sky = F::Mask::from_bits(kinds.sky);
+            let (direction, pdf, radiance) = map.sample_each(&chosen.rest, u, kinds.sky);
+            columns.target = V3::select(is_sky, direction, columns.target);
+            columns.radiance = V3::select(is_sky, radiance, columns.radiance);
+            columns.measure = F::select(is_sky, pdf, columns.measure);
+        }
+        let drawn = F::Mask::from_bits(chosen.lanes);
+        (columns, F::load(&chosen.pmf.to_array()).masked(drawn), chosen.row)
     };
-    let Columns { mut target, e1, e2, error, normal, mut radiance, measure, pmf } = columns;
+    let Columns { mut target, e1, e2, error, normal, mut radiance, measure, four, two_sided, textured } = columns;
+    let (four, two_sided) = (four.gt(F::zero()), two_sided.gt(F::zero()));
     let mask = |bits: u32| F::Mask::from_bits(bits);
     let surfaces = kinds.flat | kinds.shape;
     let near = mask(surfaces | kinds.local);
@@ -230,24 +207,23 @@ pub fn sample<F: Real>(
     // Flat lights are drawn from by solid angle.
     let mut seen = None;
     if kinds.flat != 0 {
-        let facets = Facets { p0: target, e1, e2, four: mask(kinds.four) };
+        let facets = Facets { p0: target, e1, e2, four };
         let as_seen = facets.seen_from(origin);
         let (b1, b2) = as_seen.sample(u);
         // Of those that are not flat, both edges are zero.
         target = facets.e1.scale_add(b1, facets.e2.scale_add(b2, target));
         seen = Some(as_seen);
-        let mut textured: u32 = 0;
-        if settings.only_flat_light.is_none() {
-            picked.iter().enumerate().for_each(|(lane, one)| textured |= u32::from(one.textured != NONE) << lane);
-        }
-        textured &= kinds.flat;
+        let textured = textured.gt(F::zero()).bits() & kinds.flat;
         if textured != 0 {
-            for lane in (0..F::LANES).filter(|lane| textured >> lane & 1 == 1) {
+            radiance = V3::from_fn(|lane| {
+                let radiance = radiance.lane(lane);
+                if textured >> lane & 1 == 0 {
+                    return radiance;
+                }
                 lookups[0] += 1;
-                let texel = texel(scene, picked[lane].textured as usize, b1.lane(lane), b2.lane(lane));
-                (0..3).for_each(|i| picked[lane].radiance[i] *= texel[i]);
-            }
-            radiance = V3::from_fn(|lane| picked[lane].radiance);
+                let texel = texel(scene, rows[lane] as usize, b1.lane(lane), b2.lane(lane));
+                std::array::from_fn(|i| radiance[i] * texel[i])
+            });
         }
     }
 
@@ -269,10 +245,13 @@ pub fn sample<F: Real>(
         let cos = -direction.dot(normal);
         if surfaces != 0 {
             let is_surface = mask(surfaces);
-            let faces = cos.gt(F::zero()) | (mask(kinds.two_sided) & cos.lt(F::zero()));
+            let faces = cos.gt(F::zero()) | (two_sided & cos.lt(F::zero()));
             let area = measure * cos.abs();
             // Where the light is seen edge-on the weight runs to zero with the cosine.
-            let mut density = distance2 / area.max(F::splat(1e-30));
+            let mut density = F::zero();
+            if kinds.shape != 0 {
+                density = distance2 / area.max(F::splat(1e-30));
+            }
             if let Some(seen) = seen {
                 density = F::select(mask(kinds.flat), seen.pdf(distance2, area), density);
             }
@@ -318,9 +297,9 @@ pub(super) fn texel(scene: &FlatScene, row: usize, b1: f32, b2: f32) -> [f32; 4]
 
 /// A point on a shape that shines, as seen from a place; and if its measure is a density per sr.
 #[cold]
-fn on_shape(scene: &FlatScene, row: usize, from: [f32; 3], u: (f32, f32), lookups: &mut u64) -> (Picked, bool) {
+fn on_shape(scene: &FlatScene, row: usize, from: [f32; 3], u: (f32, f32), lookups: &mut u64) -> (Candidate, bool) {
     let light = scene.lights.shapes.row(row);
-    let Some((shape, linear, offset)) = placed(scene, light.instance) else { return (Picked::default(), false) };
+    let Some((shape, linear, offset)) = placed(scene, light.instance) else { return (Candidate::default(), false) };
     let inverse = linear.inverse();
     let from = DVec3::from_array(from.map(f64::from)) - offset;
     let (local, density) = shape.sample_seen(inverse * from, light.two_sided == 1, u);
@@ -333,7 +312,7 @@ fn on_shape(scene: &FlatScene, row: usize, from: [f32; 3], u: (f32, f32), lookup
     let piece = piece(&light.cofactors, shape.normal(local));
     let stretch = piece.length();
     let target = linear * local;
-    let picked = Picked {
+    let picked = Candidate {
         target: (target + offset).as_vec3().to_array(),
         error: light.error,
         normal: (piece / stretch).as_vec3().to_array(),
@@ -342,7 +321,8 @@ fn on_shape(scene: &FlatScene, row: usize, from: [f32; 3], u: (f32, f32), lookup
             Density::Area(density) => stretch / density,
             Density::SolidAngle(density) => density * per_world(&linear, &inverse, target - from),
         } as f32,
-        ..Picked::default()
+        two_sided: light.two_sided as f32,
+        ..Candidate::default()
     };
     (picked, matches!(density, Density::SolidAngle(_)))
 }
@@ -398,8 +378,8 @@ pub fn shape_pdf(scene: &FlatScene, light_row: u32, at: &Receiver, hit: &Hit, di
 /// emitting triangle at distance `t`.
 #[inline]
 pub fn facet_pdf(scene: &FlatScene, light_row: u32, at: &Receiver, t: f32, cos: f32) -> f32 {
-    let light = scene.lights.triangles.row(light_row as usize);
-    let [p0, e1, e2] = [light.p0, light.e1, light.e2].map(V3::<f32>::from_array);
-    let seen = Facets { p0, e1, e2, four: light.four == 1 }.seen_from(V3::from_array(at.p));
-    scene.lights.choice.near_pmf(light_row, at) * seen.pdf(t * t, light.area * cos.abs())
+    let light = &scene.lights.facets[light_row as usize];
+    let [p0, e1, e2] = [light.target, light.e1, light.e2].map(V3::<f32>::from_array);
+    let seen = Facets { p0, e1, e2, four: light.four > 0.0 }.seen_from(V3::from_array(at.p));
+    scene.lights.choice.near_pmf(light_row, at) * seen.pdf(t * t, light.measure * cos.abs())
 }

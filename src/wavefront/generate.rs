@@ -1,7 +1,7 @@
 //! Starts paths at the camera.
 
 use glam::DVec3;
-use wide::f32x8;
+use wide::{f32x8, f64x8};
 
 use super::{
     dimensions,
@@ -11,7 +11,7 @@ use super::{
 use crate::{
     flat::{CameraView, NONE, ViewProjection},
     sampling::{FilterTable, Sampler},
-    simd::{Bits, LANES, Real},
+    simd::{Bits, LANES},
 };
 
 /// Camera rays of a film of given size.
@@ -29,28 +29,51 @@ impl Lens {
     }
 
     /// Origin, unit direction and length of the ray through a film position in pixels, y down.
-    ///
-    /// In f64, rounded at the end: far from the origin neighbouring pixels still get different rays.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> ([f32; 3], [f32; 3], f32) {
+        let Rays { origin, direction, length } = self.rays([x; LANES], [y; LANES]);
+        (origin.map(|column| column[0]), direction.map(|column| column[0]), length[0])
+    }
+
+    /// As [`Lens::ray`], of eight positions.
+    ///
+    /// In f64, rounded at the end: far from the origin neighbouring pixels still get different rays.
+    #[inline(always)]
+    fn rays(&self, x: [f64; LANES], y: [f64; LANES]) -> Rays {
         let view = &self.view;
-        let (s, t) = ((2.0 * x - self.width) / self.height, 1.0 - 2.0 * y / self.height);
-        let (origin, direction) = match view.projection {
+        let s = (f64x8::new(x) * f64x8::splat(2.0) - f64x8::splat(self.width)) / f64x8::splat(self.height);
+        let t = f64x8::ONE - f64x8::new(y) * f64x8::splat(2.0) / f64x8::splat(self.height);
+        let all = |v: DVec3| v.to_array().map(f64x8::splat);
+        let (right, up, forward, eye) = (all(view.right), all(view.up), all(view.forward), all(view.origin));
+        let dot = |a: &[f64x8; 3], b: &[f64x8; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let across = |i: usize| s * right[i] + t * up[i];
+        let (start, direction) = match view.projection {
             ViewProjection::Perspective { tan_half_yfov } => {
-                let direction = view.forward + tan_half_yfov * (s * view.right + t * view.up);
-                (view.origin, direction.normalize())
+                let direction = [0, 1, 2].map(|i| forward[i] + f64x8::splat(tan_half_yfov) * across(i));
+                let scale = f64x8::ONE / dot(&direction, &direction).sqrt();
+                (eye, direction.map(|v| v * scale))
             }
             ViewProjection::Orthographic { half_height } => {
-                (view.origin + half_height * (s * view.right + t * view.up), view.forward)
+                ([0, 1, 2].map(|i| eye[i] + f64x8::splat(half_height) * across(i)), forward)
             }
         };
         // Clipping planes are at depths along the axis.
-        let per_depth = 1.0 / direction.dot(view.forward);
-        let start = f64::from(view.znear) * per_depth;
-        let length = (f64::from(view.zfar) * per_depth - start) as f32;
-        let origin: DVec3 = origin + start * direction;
-        (origin.as_vec3().to_array(), direction.as_vec3().to_array(), length)
+        let per_depth = f64x8::ONE / dot(&direction, &forward);
+        let near = f64x8::splat(view.znear.into()) * per_depth;
+        let rounded = |v: f64x8| v.to_array().map(|v| v as f32);
+        Rays {
+            origin: [0, 1, 2].map(|i| rounded(start[i] + near * direction[i])),
+            direction: direction.map(rounded),
+            length: rounded(f64x8::splat(view.zfar.into()) * per_depth - near),
+        }
     }
+}
+
+/// Eight rays of a [`Lens`], by columns.
+struct Rays {
+    origin: [[f32; LANES]; 3],
+    direction: [[f32; LANES]; 3],
+    length: [f32; LANES],
 }
 
 /// A point as the camera sees it.
@@ -160,32 +183,32 @@ pub fn generate(
         let left = cursor.next_block(pixels) - cursor.pixel;
         let count = (left as usize).min(capacity - paths.len());
         blocks += Blocks::one(count as u32);
-        let place = |lane: usize| {
-            let slot = cursor.pixel + (lane.min(count - 1)) as u32;
-            (slot, x0 + slot % width, y0 + slot / width)
-        };
-        let hashes: [u32; LANES] = std::array::from_fn(|lane| {
-            let (_, x, y) = place(lane);
-            sampler.pixel_hash(x, y)
-        });
+        // Lanes beyond repeat the last one.
+        let slot: [u32; LANES] = std::array::from_fn(|lane| cursor.pixel + lane.min(count - 1) as u32);
+        let (x, y) = (slot.map(|slot| x0 + slot % width), slot.map(|slot| y0 + slot / width));
+        let hashes: [u32; LANES] = std::array::from_fn(|lane| sampler.pixel_hash(x[lane], y[lane]));
         let sample = Bits::splat(cursor.sample);
         let u: (f32x8, f32x8) =
             sampler.pair(Bits::from_fn(|lane| hashes[lane]), sample, Bits::splat(dimensions::FILTER));
-        let (dx, dy) = (filter.offset(u.0), filter.offset(u.1));
-        let mut block = PathBlock {
-            ox: [0.0; LANES],
-            oy: [0.0; LANES],
-            oz: [0.0; LANES],
-            dx: [0.0; LANES],
-            dy: [0.0; LANES],
-            dz: [0.0; LANES],
-            t_max: [0.0; LANES],
+        let film = |pixel: [u32; LANES], u: f32x8| {
+            let offset = filter.offset(u).to_array();
+            std::array::from_fn(|lane| f64::from(pixel[lane]) + 0.5 + f64::from(offset[lane]))
+        };
+        let Rays { origin: [ox, oy, oz], direction: [dx, dy, dz], length } = lens.rays(film(x, u.0), film(y, u.1));
+        let block = PathBlock {
+            ox,
+            oy,
+            oz,
+            dx,
+            dy,
+            dz,
+            t_max: length,
             throughput_r: [1.0; LANES],
             throughput_g: [1.0; LANES],
             throughput_b: [1.0; LANES],
             pdf: [0.0; LANES],
             eta_scale: [1.0; LANES],
-            slot: [0; LANES],
+            slot,
             sample: [cursor.sample; LANES],
             index: [cursor.sample; LANES],
             pixel_hash: hashes,
@@ -193,14 +216,6 @@ pub fn generate(
             medium: [NONE; LANES],
             side: [0; LANES],
         };
-        for lane in 0..count {
-            let (slot, x, y) = place(lane);
-            let (x, y) = (f64::from(x) + 0.5 + f64::from(dx.lane(lane)), f64::from(y) + 0.5 + f64::from(dy.lane(lane)));
-            let (o, d, t_max) = lens.ray(x, y);
-            [block.ox[lane], block.oy[lane], block.oz[lane]] = o;
-            [block.dx[lane], block.dy[lane], block.dz[lane]] = d;
-            (block.t_max[lane], block.slot[lane]) = (t_max, slot);
-        }
         paths.put(&block, (1 << count) - 1);
         cursor.advance(count as u32, pixels);
     }

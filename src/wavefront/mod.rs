@@ -43,6 +43,7 @@ mod caustic;
 mod coverage;
 mod dimensions;
 mod direct;
+mod fetch;
 mod groups;
 mod light_paths;
 mod one_path;
@@ -53,6 +54,7 @@ mod reuse;
 mod schedule;
 mod stats;
 mod surface;
+mod taken;
 mod tally;
 #[cfg(test)]
 mod tests;

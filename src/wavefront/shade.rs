@@ -1,6 +1,6 @@
 //! Scatters paths at surfaces: samples a light for the shadow queue, and the BSDF for the next ray.
 
-use wide::f32x8;
+use wide::{f32x8, u32x8};
 
 use super::{
     Settings, ahead, caustic, dimensions, direct,
@@ -9,6 +9,7 @@ use super::{
     reuse::{FIRST, Glimpse, Reuse, SHARED},
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts, Surface},
+    taken::Taken,
 };
 use crate::{
     bsdf::Bsdf,
@@ -182,7 +183,12 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let depth = bits(&at.depth);
     let (pixel_hash, index) = (bits(&at.pixel_hash), bits(&at.index));
     let pair = |decision| sampler.pair::<F>(pixel_hash, index, dimensions::at::<F>(depth, decision));
-    let (u_choice, u_lobe) = pair(dimensions::CHOICE);
+    // Side by side, since each waits for one product after another.
+    let u_light = if settings.sample_lights { pair(dimensions::LIGHT) } else { (F::zero(), F::zero()) };
+    let u_direction = pair(dimensions::DIRECTION);
+    // One light is no choice, and one lobe neither.
+    let chooses = B::CHOOSES || settings.only_flat_light.is_none();
+    let (u_choice, u_lobe) = if chooses { pair(dimensions::CHOICE) } else { (F::zero(), F::zero()) };
     let zero = F::zero();
     let transmissive = parts == Parts::All;
     let solids = if transmissive { surface.params.solid.bits() } else { 0 };
@@ -198,8 +204,8 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     let reflected = F::Mask::splat(true);
     let start = if near == 0 { surface.p } else { surface.leave(reflected) };
     let sky_pmf = |lane: usize| {
-        let side = direct::side(settings, &surface, reflected, false, lane);
-        scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), side))
+        let sides = direct::sides(settings, &surface, reflected, false);
+        scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), sides.lane(lane)))
     };
 
     let mut connection =
@@ -223,7 +229,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         let shares_sky = settings.shares.sky || settings.shares.lit;
         let first = if parts == Parts::Opaque && !shares_sky { lit.bits() & first_surfaces::<F>(at) } else { 0 };
         let chosen = if first == 0 {
-            place.candidate(lit, u_choice, pair(dimensions::LIGHT), lookups)
+            place.candidate(lit, u_choice, u_light, lookups)
         } else {
             place.best(lit, F::Mask::from_bits(first), lookups)
         };
@@ -294,10 +300,10 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         }
         let (pixel_hash, index) = (bits(&hash_on), bits(&index_on));
         let pair = |decision| sampler.pair::<F>(pixel_hash, index, dimensions::at::<F>(depth, decision));
-        let u_lobe = if parts == Parts::Color { u_lobe } else { pair(dimensions::CHOICE).1 };
+        let u_lobe = if !B::CHOOSES { u_lobe } else { pair(dimensions::CHOICE).1 };
         (u_lobe, pair(dimensions::DIRECTION))
     } else {
-        (u_lobe, pair(dimensions::DIRECTION))
+        (u_lobe, u_direction)
     };
     let drawn = B::sample(&prepared, u_lobe, u_direction);
     let wi = surface.frame.to_world(drawn.wi);
@@ -329,6 +335,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
     if settings.caustics {
         eta_scale = caustic::marked(scene, &at.hits.material, &at.depth, at.eta_scale, &surface, &drawn, eta_scale);
     }
+    let sides = direct::sides(settings, &surface, above, transmissive);
     let departure = Departure {
         origin: surface.leave_at(above, above & !drawn.delta),
         direction: wi,
@@ -339,44 +346,45 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         slot,
         index: index_on,
         pixel_hash: hash_on,
-        side: std::array::from_fn(|lane| {
-            if lane < F::LANES { direct::side(settings, &surface, above, transmissive, lane) } else { 0 }
-        }),
+        side: std::array::from_fn(|lane| sides.lane(lane % F::LANES)),
         lanes: goes_on.bits(),
     };
     (connection, departure)
 }
 
-/// Gathers the rows of one block; lanes beyond repeat the last row, paths at their greatest depth rest.
+/// Gathers the rows of one block; paths at their greatest depth rest.
 #[inline(always)]
-fn gather(rows: &[u32], materials: &[u32], max_depth: u32, paths: &PathQueue, hits: &HitQueue) -> Arrived<f32x8> {
-    let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
-    let number = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
-    let bits = |column: &[u32]| -> [u32; LANES] { std::array::from_fn(|lane| column[index[lane]]) };
-    let (mut back, mut active) = (0, 0);
-    for (lane, &i) in index.iter().enumerate() {
-        back |= hits.back[i] << lane;
-        active |= u32::from(lane < rows.len() && paths.depth[i] < max_depth) << lane;
-    }
+fn gather<const NEAR: bool>(
+    taken: &Taken,
+    rows: usize,
+    materials: &[u32],
+    max_depth: u32,
+    paths: &PathQueue,
+    hits: &HitQueue,
+) -> Arrived<f32x8> {
+    let number = |column: &[f32]| f32x8::new(taken.of::<NEAR, f32>(column));
+    let bits = |column: &[u32]| taken.of::<NEAR, u32>(column);
+    let (depth, back) = (bits(&paths.depth), bits(&hits.back));
+    let goes_on = u32x8::new(depth).simd_lt(u32x8::splat(max_depth)).to_bitmask();
     let incoming = Incoming {
         direction: V3::new(number(&paths.dx), number(&paths.dy), number(&paths.dz)),
         b1: number(&hits.b1),
         b2: number(&hits.b2),
-        back: Mask::from_bits(back),
+        back: Mask::from_bits(u32x8::new(back).simd_gt(u32x8::ZERO).to_bitmask()),
         instance: bits(&hits.instance),
         triangle: bits(&hits.triangle),
         material: bits(materials),
     };
     Arrived {
         hits: incoming,
-        active,
+        active: goes_on & ((1 << rows) - 1),
         throughput: V3::new(number(&paths.throughput_r), number(&paths.throughput_g), number(&paths.throughput_b)),
         eta_scale: number(&paths.eta_scale),
         slot: bits(&paths.slot),
         sample: bits(&paths.sample),
         index: bits(&paths.index),
         pixel_hash: bits(&paths.pixel_hash),
-        depth: bits(&paths.depth),
+        depth,
         medium: bits(&paths.medium),
     }
 }
@@ -417,7 +425,12 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
                 ahead::texels(scene, later(block * LANES, ahead::TEXELS), materials, hits);
             }
         }
-        let at = gather(rows, materials, settings.max_depth, paths, hits);
+        let taken = Taken::new(rows);
+        let at = if taken.is_near(hits.len()) {
+            gather::<true>(&taken, rows.len(), materials, settings.max_depth, paths, hits)
+        } else {
+            gather::<false>(&taken, rows.len(), materials, settings.max_depth, paths, hits)
+        };
         if at.active == 0 {
             continue;
         }

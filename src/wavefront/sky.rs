@@ -2,7 +2,7 @@
 
 use wide::f32x8;
 
-use super::{caustic, queues::PathQueue, reuse::Glimpse, stats::Blocks, tally::Tally};
+use super::{caustic, queues::PathQueue, reuse::Glimpse, stats::Blocks, taken::Taken, tally::Tally};
 use crate::{
     flat::{EnvironmentLight, FlatScene},
     light::Receiver,
@@ -86,23 +86,47 @@ pub fn sky(
     tally: &mut Tally,
 ) -> Blocks {
     for rows in rows.chunks(LANES) {
-        let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
-        let column = |column: &[f32]| <f32x8 as Real>::from_fn(|lane| column[index[lane]]);
-        let direction = V3::new(column(&paths.dx), column(&paths.dy), column(&paths.dz));
-        let throughput = V3::new(column(&paths.throughput_r), column(&paths.throughput_g), column(&paths.throughput_b));
+        let taken = Taken::new(rows);
+        let block =
+            if taken.is_near(paths.len()) { gather::<true>(&taken, paths) } else { gather::<false>(&taken, paths) };
+        let SkyBlock { direction, throughput, pdf, slot, sample, depth } = block;
         let at = |lane: usize| {
-            let i = index[lane];
+            let i = taken.index[lane] as usize;
             Receiver::new([paths.ox[i], paths.oy[i], paths.oz[i]], paths.side[i])
         };
-        let seen = seen(scene, sky, direction, column(&paths.pdf), at);
-        for (lane, &i) in index.iter().enumerate().take(rows.len()) {
-            let radiance = seen.radiance.lane(lane);
+        let seen = seen(scene, sky, direction, pdf, at);
+        for lane in 0..rows.len() {
+            let (i, radiance) = (taken.index[lane] as usize, seen.radiance.lane(lane));
             let of_sun = caustic::is_of_sun(suns, paths.eta_scale[i], paths.pdf[i], paths.depth[i], radiance);
-            if !of_sun && !(hidden && paths.depth[i] == 0) {
-                let path = (paths.slot[i], paths.sample[i]);
-                add(tally, shares && paths.depth[i] == 1, path, direction, &seen, throughput, lane);
+            if !of_sun && !(hidden && depth[lane] == 0) {
+                let path = (slot[lane], sample[lane]);
+                add(tally, shares && depth[lane] == 1, path, direction, &seen, throughput, lane);
             }
         }
     }
     Blocks::of(rows.len())
+}
+
+/// Paths that see the sky.
+struct SkyBlock {
+    direction: V3<f32x8>,
+    throughput: Rgb<f32x8>,
+    pdf: f32x8,
+    slot: [u32; LANES],
+    sample: [u32; LANES],
+    depth: [u32; LANES],
+}
+
+#[inline(always)]
+fn gather<const NEAR: bool>(taken: &Taken, paths: &PathQueue) -> SkyBlock {
+    let number = |column: &[f32]| f32x8::new(taken.of::<NEAR, f32>(column));
+    let bits = |column: &[u32]| taken.of::<NEAR, u32>(column);
+    SkyBlock {
+        direction: V3::new(number(&paths.dx), number(&paths.dy), number(&paths.dz)),
+        throughput: V3::new(number(&paths.throughput_r), number(&paths.throughput_g), number(&paths.throughput_b)),
+        pdf: number(&paths.pdf),
+        slot: bits(&paths.slot),
+        sample: bits(&paths.sample),
+        depth: bits(&paths.depth),
+    }
 }

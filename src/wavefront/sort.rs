@@ -65,11 +65,11 @@ impl<'a> Piece<'a> {
 
 /// Counting sort of each piece of so many rows: two passes over the keys, stable.
 pub fn sort(scene: &FlatScene, hits: &HitQueue, piece: usize, asks_ahead: bool, order: &mut Order) {
-    order.keys.clear();
-    order.materials.clear();
     order.emissive.clear();
     order.starts.clear();
     order.rows.resize(hits.len(), 0);
+    order.keys.resize(hits.len(), 0);
+    order.materials.resize(hits.len(), NONE);
     if asks_ahead {
         ahead::rows(scene, hits);
     }
@@ -80,20 +80,19 @@ pub fn sort(scene: &FlatScene, hits: &HitQueue, piece: usize, asks_ahead: bool, 
 
 fn sort_piece(scene: &FlatScene, hits: &HitQueue, piece: Range<usize>, order: &mut Order) {
     let mut counts = [0; MISS + 1];
-    for i in piece.clone() {
-        let instance = hits.instance[i];
-        let (key, material) = if instance == NONE {
-            (MISS, NONE)
-        } else {
-            let material = scene.material_of(instance, hits.triangle[i]);
+    let rows = piece.clone().zip(&hits.instance[piece.clone()]).zip(&hits.triangle[piece.clone()]);
+    let found = order.keys[piece.clone()].iter_mut().zip(&mut order.materials[piece.clone()]);
+    for (((row, &instance), &triangle), (found_key, found_material)) in rows.zip(found) {
+        let (mut key, mut material) = (MISS, NONE);
+        if instance != NONE {
+            material = scene.material_of(instance, triangle);
             if scene.materials.flags[material as usize] & flags::EMISSIVE != 0 {
-                order.emissive.push(i as u32);
+                order.emissive.push(row as u32);
             }
-            (scene.materials.class[material as usize] as usize, material)
-        };
+            key = scene.materials.class[material as usize] as usize;
+        }
         counts[key] += 1;
-        order.keys.push(key as u8);
-        order.materials.push(material);
+        (*found_key, *found_material) = (key as u8, material);
     }
     let mut next = [0; MISS + 1];
     let mut starts = [piece.start as u32; MISS + 2];
@@ -102,8 +101,8 @@ fn sort_piece(scene: &FlatScene, hits: &HitQueue, piece: Range<usize>, order: &m
         starts[key + 1] = starts[key] + counts[key];
     }
     order.starts.push(starts);
-    for row in piece {
-        let next = &mut next[order.keys[row] as usize];
+    for (row, &key) in piece.clone().zip(&order.keys[piece]) {
+        let next = &mut next[key as usize];
         order.rows[*next as usize] = row as u32;
         *next += 1;
     }

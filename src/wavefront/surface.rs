@@ -1,8 +1,9 @@
 //! From a hit to a surface: position, normals, appearance. A kernel for eight lanes or one.
 
+use super::fetch::{Fetched, fetch, linear, linear_abs, translation, transposed};
 use crate::{
     bsdf::Params,
-    flat::{FlatMesh, FlatScene, NONE, flags},
+    flat::{FlatScene, NONE, flags},
     simd::{Frame, Mask, Real, Rgb, V3},
 };
 
@@ -76,122 +77,10 @@ pub enum Parts {
     All,
 }
 
-/// Columns of eight numbers filled lane by lane, read as one value.
-type Lanes = [f32; 8];
-
+/// Columns filled lane by lane.
 #[inline(always)]
-fn vector<F: Real>(columns: &[Lanes; 3]) -> V3<F> {
+fn vector<F: Real>(columns: &[[f32; 8]; 3]) -> V3<F> {
     V3::load(&columns[0], &columns[1], &columns[2])
-}
-
-/// The linear part of 3×4 matrices, transposed, times vectors: takes normals from the space that the
-/// matrix leads to back to the one it comes from.
-#[inline(always)]
-fn transposed<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
-    let at = |i: usize| F::load(&m[i]);
-    V3::new(
-        at(0) * v.x + at(4) * v.y + at(8) * v.z,
-        at(1) * v.x + at(5) * v.y + at(9) * v.z,
-        at(2) * v.x + at(6) * v.y + at(10) * v.z,
-    )
-}
-
-/// The linear part of 3×4 matrices times vectors.
-#[inline(always)]
-fn linear<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
-    let row = |r: usize| V3::load(&m[4 * r], &m[4 * r + 1], &m[4 * r + 2]);
-    V3::new(row(0).dot(v), row(1).dot(v), row(2).dot(v))
-}
-
-/// The same with all magnitudes.
-#[inline(always)]
-fn linear_abs<F: Real>(m: &[Lanes; 12], v: V3<F>) -> V3<F> {
-    let row = |r: usize| V3::load(&m[4 * r], &m[4 * r + 1], &m[4 * r + 2]).abs();
-    V3::new(row(0).dot(v), row(1).dot(v), row(2).dot(v))
-}
-
-#[inline(always)]
-fn translation<F: Real>(m: &[Lanes; 12]) -> V3<F> {
-    V3::load(&m[3], &m[7], &m[11])
-}
-
-/// Positions and normals as fetched, lane by lane.
-struct Fetched {
-    corners: [[Lanes; 3]; 3],
-    normals: [[Lanes; 3]; 3],
-    world_from_local: [Lanes; 12],
-    local_from_world: [Lanes; 12],
-    mirror: Lanes,
-    any_normals: bool,
-    any_transform: bool,
-    /// Lanes with normals. What they need leaves the others as they would be alone: no bit may depend on who shares a
-    /// block.
-    smooth: u32,
-    /// Lanes with a transform.
-    transformed: u32,
-    /// Lanes on a shape: their first corner is the point itself, their second the normal.
-    shaped: u32,
-}
-
-#[inline(always)]
-fn fetch<F: Real>(scene: &FlatScene, hits: &Incoming<F>) -> Fetched {
-    let mut f = Fetched {
-        corners: [[[0.0; 8]; 3]; 3],
-        normals: [[[0.0; 8]; 3]; 3],
-        world_from_local: [[0.0; 8]; 12],
-        local_from_world: [[0.0; 8]; 12],
-        mirror: [1.0; 8],
-        any_normals: false,
-        any_transform: false,
-        smooth: 0,
-        transformed: 0,
-        shaped: 0,
-    };
-    for lane in 0..F::LANES {
-        let instance = hits.instance[lane] as usize;
-        let mesh = &*scene.meshes[scene.instances.mesh[instance] as usize];
-        f.transformed |= u32::from(scene.instances.identity[instance] == 0) << lane;
-        let Some(vertices) = mesh.triangles.get(hits.triangle[lane] as usize) else {
-            fetch_shape(&mut f, mesh, hits, lane);
-            continue;
-        };
-        for (corner, &vertex) in vertices.iter().enumerate() {
-            let p = mesh.positions[vertex as usize];
-            (0..3).for_each(|axis| f.corners[corner][axis][lane] = p[axis]);
-        }
-        if !mesh.normals.is_empty() {
-            f.smooth |= 1 << lane;
-            for (corner, &vertex) in vertices.iter().enumerate() {
-                let n = mesh.normals[vertex as usize];
-                (0..3).for_each(|axis| f.normals[corner][axis][lane] = n[axis]);
-            }
-        }
-    }
-    (f.any_normals, f.any_transform) = (f.smooth != 0, f.transformed != 0);
-    if f.any_transform {
-        for lane in 0..F::LANES {
-            let instance = hits.instance[lane] as usize;
-            for i in 0..12 {
-                f.world_from_local[i][lane] = scene.instances.world_from_local[instance][i];
-                f.local_from_world[i][lane] = scene.instances.local_from_world[instance][i];
-            }
-            f.mirror[lane] = if scene.instances.mirrored[instance] == 1 { -1.0 } else { 1.0 };
-        }
-    }
-    f
-}
-
-/// Of a hit of a shape, whose numbers say where on it.
-#[cold]
-#[inline(never)]
-fn fetch_shape<F: Real>(f: &mut Fetched, mesh: &FlatMesh, hits: &Incoming<F>, lane: usize) {
-    let Some(shape) = mesh.shape else { return };
-    let p = shape.point(hits.triangle[lane], hits.b1.lane(lane), hits.b2.lane(lane));
-    let columns = [p, shape.normal(p)].map(|v| v.as_vec3().to_array());
-    for (corner, v) in columns.iter().enumerate() {
-        (0..3).for_each(|axis| f.corners[corner][axis][lane] = v[axis]);
-    }
-    f.shaped |= 1 << lane;
 }
 
 /// Flips a vector where `mask` holds.
@@ -244,7 +133,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     }
     let b0 = F::one() - b1 - b2;
     let weigh = |a: V3<F>, b: V3<F>, c: V3<F>| c.scale_add(b2, b.scale_add(b1, a * b0));
-    let corners: [V3<F>; 3] = std::array::from_fn(|i| vector(&f.corners[i]));
+    let corners = f.corners;
 
     // Position with its error (Pharr, Jakob, Humphreys 2023, section 6.8.4), here in local space.
     let mut p = weigh(corners[0], corners[1], corners[2]);
@@ -264,7 +153,7 @@ pub fn interact<F: Real, const TEXTURED: bool>(
     let mut ns_raw = V3::splat(0.0);
     let mut world_normals = [V3::splat(0.0); 3];
     if f.any_normals {
-        world_normals = std::array::from_fn(|i| vector(&f.normals[i]));
+        world_normals = f.normals;
         ns_raw = weigh(world_normals[0], world_normals[1], world_normals[2]);
     }
     if f.any_transform {
@@ -273,8 +162,8 @@ pub fn interact<F: Real, const TEXTURED: bool>(
         p = linear(to_world, local) + translation(to_world);
         // The point's own error carried over, the rounding of the transform, and that of the next
         // ray's way back into this local space.
-        let there = linear_abs(to_world, local.abs()) + translation::<F>(to_world).abs();
-        let back_again = linear_abs(to_local, p.abs()) + translation::<F>(to_local).abs();
+        let there = linear_abs(to_world, local.abs()) + translation(to_world).abs();
+        let back_again = linear_abs(to_local, p.abs()) + translation(to_local).abs();
         let moved = F::Mask::from_bits(f.transformed);
         let in_world = linear_abs(to_world, error + back_again * F::splat(gamma(4))) + there * F::splat(gamma(4));
         error = V3::select(moved, in_world, error);
@@ -375,7 +264,7 @@ fn textured<F: Real>(
     scene: &FlatScene,
     hits: &Incoming<F>,
     unflipped: V3<F>,
-    f: &Fetched,
+    f: &Fetched<F>,
     params: &mut Params<F>,
     ns: &mut V3<F>,
     lookups: &mut u64,
@@ -458,7 +347,7 @@ fn textured<F: Real>(
     let usable = F::Mask::from_bits(mapped) & length2.gt(F::splat(1e-24));
     t = t * (F::one() / F::select(usable, length2, F::one()).sqrt());
     // A mirroring transform turns the bitangent round with the rest of the surface.
-    let b = unflipped.cross(t) * (F::load(&handed) * F::load(&f.mirror));
+    let b = unflipped.cross(t) * (F::load(&handed) * f.mirror);
     let map: V3<F> = vector(&map);
     let n = t.scale_add(map.x, b.scale_add(map.y, unflipped * map.z));
     let length2 = n.length_squared();

@@ -1,7 +1,7 @@
 use glam::Vec3;
 
 use super::*;
-use crate::light::pack;
+use crate::light::packed;
 
 fn lamp(x: f32) -> Emitter {
     Emitter {
@@ -27,7 +27,7 @@ fn kinds_are_mixed_with_their_probability() {
         let sky = if mixture & 4 != 0 { 100.0 } else { 0.0 };
         let choice = LightChoice::new(&near, far, sky);
         assert_eq!(choice.len(), near.len() + 3 * (mixture >> 1 & 1) + (mixture >> 2));
-        let at = Receiver::new([0.3, -1.0, 0.2], pack([0.0, 1.0, 0.0], false));
+        let at = Receiver::new([0.3, -1.0, 0.2], packed([0.0, 1.0, 0.0], false));
         const N: u32 = 10_000;
         let mut drawn = vec![(0_u32, 0.0_f32); choice.len()];
         for i in 0..N {
@@ -52,6 +52,6 @@ fn kinds_are_mixed_with_their_probability() {
     }
     // The sun below is not looked for from above.
     let choice = LightChoice::new(&[], suns, 0.0);
-    let at = Receiver::new([0.0; 3], pack([0.0, 1.0, 0.0], false));
+    let at = Receiver::new([0.0; 3], packed([0.0, 1.0, 0.0], false));
     assert!((0..100).all(|i| choice.sample(&at, f64::from(i) / 100.0).unwrap().row < 2));
 }

@@ -1,7 +1,7 @@
 use glam::Vec3;
 
 use super::*;
-use crate::light::numbers;
+use crate::light::{numbers, packed};
 
 /// Lights of all kinds: flat ones, two-sided ones, points and spots, of very different intensity.
 fn lights(count: usize, seed: u32) -> Vec<Emitter> {
@@ -29,7 +29,7 @@ fn receivers(count: usize) -> Vec<Receiver> {
     (0..count)
         .map(|i| {
             let mut vector = |size: f64| Vec3::from_array(std::array::from_fn(|_| (size * (random() - 0.5)) as f32));
-            let side = crate::light::pack(vector(2.0).normalize_or(Vec3::Y).to_array(), i % 3 == 0);
+            let side = packed(vector(2.0).normalize_or(Vec3::Y).to_array(), i % 3 == 0);
             Receiver::new(vector(12.0).to_array(), side)
         })
         .collect()
@@ -64,6 +64,29 @@ fn lights_are_drawn_with_their_probability() {
         }
         // That is rare.
         assert!(count < 3 || f64::from(nothing) < 0.3 * 40.0 * 4096.0, "{count}: {nothing}");
+    }
+}
+
+/// Bit for bit, whichever lanes are asked for.
+#[test]
+fn lanes_draw_what_each_place_draws_alone() {
+    let mut random = numbers(17);
+    for count in [1, 2, 9, 300, 5000] {
+        let tree = LightTree::new(&lights(count, 6));
+        for (block, places) in receivers(800).as_chunks::<LANES>().0.iter().enumerate() {
+            let mut at = Receivers::default();
+            for (lane, place) in places.iter().enumerate() {
+                (0..3).for_each(|axis| (at.p[axis][lane], at.n[axis][lane]) = (place.p[axis], place.n[axis]));
+                at.halved |= u32::from(place.halved) << lane;
+            }
+            let u = std::array::from_fn(|_| random());
+            let lanes = [0xff, 0b0110_1001][block % 2];
+            let chosen = tree.sample_each(&at, u, lanes);
+            for (lane, place) in places.iter().enumerate() {
+                let alone = tree.sample(place, u[lane]).filter(|_| lanes >> lane & 1 == 1);
+                assert_eq!(chosen.lane(lane), alone, "{count} {block} {lane}");
+            }
+        }
     }
 }
 
@@ -113,7 +136,7 @@ fn odd_sets_of_lights_make_trees() {
         two_sided: false,
         intensity,
     };
-    let at = Receiver::new([0.5, 3.0, 0.0], crate::light::pack([0.0, -1.0, 0.0], false));
+    let at = Receiver::new([0.5, 3.0, 0.0], packed([0.0, -1.0, 0.0], false));
     let one_place: Vec<_> = (0..5000).map(|_| point(1.0, 1.0)).collect();
     let line: Vec<_> = (0..5000).map(|i| point((i as f32).exp2().min(1e15), 1.0)).collect();
     let growing: Vec<_> = (0..500).map(|i| point(i as f32, (i as f32 * 0.1).exp2())).collect();

@@ -7,7 +7,7 @@ use crate::{
     flat::{EnvironmentLight, FlatScene, NONE, SceneNeeds, flags},
     light::EnvironmentTable,
     sampling::{AliasTable, Sampler, lengthen, warp},
-    simd::{Bits, Frame, Real, V3},
+    simd::{Bits, Frame, LANES, Real, V3},
     wavefront::dimensions,
 };
 
@@ -81,7 +81,8 @@ impl Suns {
         let (sun, _) = self.by_power.sample(longer(choice.0, place.0));
         let (target, _) = self.by_area.sample(longer(choice.1, place.1));
         let texel = self.texels[sun as usize];
-        let (to_sun, radiance) = map.in_texel(texel, pair(DIRECTION));
+        let (to_sun, radiance) = map.in_texels::<f32>(&[texel; LANES], pair(DIRECTION), 1);
+        let (to_sun, radiance) = (to_sun.lane(0), radiance.lane(0));
         if luminance(radiance) <= self.least {
             // It strayed over the edge of its texel by rounding.
             return None;

@@ -63,6 +63,12 @@ impl Sampler {
         Self { kind, key: [z as u32, (z >> 32) as u32], log2_sequences: 0 }
     }
 
+    /// Numbers unrelated to these.
+    pub fn other(self) -> Self {
+        let [a, b] = self.key;
+        Self { key: [a ^ 0xa511_e9b3, b ^ 0x63d8_3595], ..self }
+    }
+
     /// With a sequence for each of the [`REPLICAS`].
     pub fn in_replicas(self) -> Self {
         Self { log2_sequences: LOG2_REPLICAS, ..self }

@@ -8,6 +8,9 @@ use crate::{
     simd::{Bits, LANES, Mask, Real},
 };
 
+/// Scatterings before roulette begins: what pixels share of a path's first ray, they share as if it were sure to go on.
+pub const ROULETTE_FROM: u32 = 2;
+
 /// Share of the light at their far end below which paths play roulette.
 ///
 /// What ends a path early makes those that go on count for more, and that noise costs more than the path would have: in the
@@ -45,7 +48,8 @@ pub fn bounce(sampler: &Sampler, from: &mut PathQueue, to: &mut PathQueue) -> Bl
             [block.throughput_r, block.throughput_g, block.throughput_b, block.eta_scale].map(f32x8::new);
         let limit = f32x8::from_fn(|lane| most_survivors(block.depth[lane]));
         let q = survival(Real::max(Real::max(r, g), b), eta, limit);
-        let plays = Real::lt(q, f32x8::ONE);
+        let late = (0..LANES).fold(0, |bits, lane| bits | u32::from(block.depth[lane] >= ROULETTE_FROM) << lane);
+        let plays = Real::lt(q, f32x8::ONE) & Mask::from_bits(late);
         if plays.bits() & lanes != 0 {
             let bits = |column: [u32; LANES]| <f32x8 as Real>::Bits::from_fn(|lane| column[lane]);
             let dimension = dimensions::at::<f32x8>(

@@ -60,6 +60,8 @@ mod tally;
 mod tests;
 mod view;
 
+use std::sync::Arc;
+
 use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
@@ -121,6 +123,7 @@ pub struct Settings {
 }
 
 /// All that workers share while they make a picture.
+#[derive(Clone)]
 pub struct Job<'a> {
     scene: &'a FlatScene,
     settings: Settings,
@@ -128,7 +131,7 @@ pub struct Job<'a> {
     filter: FilterTable,
     sampler: Sampler,
     unit: Unit,
-    light_paths: Option<LightPaths>,
+    light_paths: Option<Arc<LightPaths>>,
 }
 
 impl<'a> Job<'a> {
@@ -136,7 +139,7 @@ impl<'a> Job<'a> {
     pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
         let needs = scene.needs;
         let sampler = Sampler::new(settings.sampler, settings.seed);
-        let light_paths = LightPaths::new(scene, settings);
+        let light_paths = LightPaths::new(scene, settings).map(Arc::new);
         Self {
             scene,
             settings: Settings {
@@ -158,7 +161,7 @@ impl<'a> Job<'a> {
                 partial_coverage: needs.has(SceneNeeds::ALPHA) || needs.has(SceneNeeds::CULLING),
                 shares: shares(scene, settings),
                 caustics: light_paths.is_some(),
-                suns: light_paths.as_ref().map_or(f32::INFINITY, LightPaths::suns),
+                suns: light_paths.as_ref().map_or(f32::INFINITY, |paths| paths.suns()),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),

@@ -4,7 +4,7 @@
 
 use super::{
     Job, Worker, absorb,
-    bounce::{most_survivors, survival},
+    bounce::{ROULETTE_FROM, most_survivors, survival},
     caustic,
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
@@ -172,7 +172,7 @@ fn trace<C: Coverage>(
         eta_scale = departure.eta_scale;
         (hash, index) = (departure.pixel_hash[0], departure.index[0]);
         let q = survival(throughput.max_element(), eta_scale, most_survivors(depth + 1));
-        if q < 1.0 {
+        if q < 1.0 && depth + 1 >= ROULETTE_FROM {
             let dimension = dimensions::at::<f32>(Integer::splat(depth), dimensions::ROULETTE);
             let u: f32 = sampler.one(Integer::splat(hash), Integer::splat(index), dimension);
             if u >= q {

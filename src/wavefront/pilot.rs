@@ -2,8 +2,10 @@
 //!
 //! Sharing what paths find makes noise smaller and samples dearer. Of what a pixel gets from each kind of find, both the shared
 //! and the unshared amount come out of the same paths, so that one pilot says for each set of kinds what the variance of a
-//! sample would be. The set with the least product of variance and cost is taken. Its samples are counted nowhere, so nothing
-//! depends on them but how long the picture takes; and they are the same whatever part of a picture is rendered, and however.
+//! sample would be, and from the two follows what groups of another size would do. What has the least product of variance and cost
+//! is taken. The pilot's samples have numbers of their own and are counted nowhere, so nothing depends on them but how long the
+//! picture takes (chosen by the picture's own samples, the way that happens to look dark would be taken too often); and they are the
+//! same whatever part of a picture is rendered, and however.
 
 use rayon::prelude::*;
 
@@ -56,6 +58,7 @@ pub fn plan(job: &Job, settings: &RenderSettings) -> Shares {
     if !job.settings.shares.any() || settings.sharing == Sharing::Always {
         return job.settings.shares;
     }
+    let job = &Job { sampler: job.sampler.other(), ..job.clone() };
     let [columns, rows] = [settings.width, settings.height].map(|edge| edge.div_ceil(BLOCK));
     let all = columns * rows;
     let count = SQUARES.min(all.div_ceil(ONE_OF));
@@ -137,9 +140,6 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
         (0..KINDS).for_each(|kind| links[kind] += square.links[kind] / pixels);
     }
     let noise = noise.map(without_worst);
-    if std::env::var("PILOT").is_ok() {
-        eprintln!("noise {noise:?} links {links:?} rays {rays} price {price}");
-    }
     let (mut best, mut least) = (Shares::of(0, all.group), noise[0] * (BASE + rays));
     for set in (1..1 << KINDS).filter(|set| set & !all.bits() == 0) {
         let links: f64 = (0..KINDS).filter(|kind| set >> kind & 1 == 1).map(|kind| links[kind]).sum();
@@ -154,9 +154,6 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
                 (best, least) = (Shares::of(set, group), noise * cost);
             }
         }
-    }
-    if std::env::var("PILOT").is_ok() {
-        eprintln!("{best:?}");
     }
     best
 }

@@ -12,11 +12,11 @@ use wavecast::{
         statistics::{Moments, sidak},
         student::student_two_sided,
     },
-    render::{PixelFilter, RenderSettings, Renderer},
+    render::{PixelFilter, RenderSettings, Renderer, Sharing},
     wavefront,
     world::{
-        AlphaMode, Camera, Geometry, Image, LocalTransform, Material, MaterialSlots, Projection, Scene, Texels,
-        Texture, TriMesh,
+        AlphaMode, Camera, Environment, EnvironmentMap, Geometry, Image, LocalTransform, Material, MaterialSlots,
+        Projection, Scene, Sky, Texels, Texture, TriMesh,
     },
 };
 
@@ -127,6 +127,30 @@ fn mirrors_light_what_they_face() {
     let mut scene = with_lamp(room());
     show(&mut scene, mirror_box(), mirror(false));
     check_same("mirror", &mut scene, &small());
+}
+
+/// What a sky with a sun of two texels throws off metal, coated and clear things, smooth and less so; some of it through glass first.
+#[test]
+fn suns_light_what_shines_on_others() {
+    let (width, height) = (16, 8);
+    let mut texels = vec![[0.1, 0.15, 0.3]; width * height];
+    texels[2 * width + 6] = [150.0, 140.0, 120.0];
+    texels[2 * width + 7] = [90.0, 90.0, 80.0];
+    let map = EnvironmentMap { name: "sun".to_owned(), width: width as u32, height: height as u32, texels };
+    let metal = |roughness| Material { base_color: Vec3::new(0.9, 0.7, 0.5), roughness, ..Material::default() };
+    let coated = Material { metallic: 0.0, base_color: Vec3::new(0.2, 0.5, 0.3), ..metal(0.3) };
+    let ball = |x: f32, z: f32| TriMesh::sphere(Vec3::new(x, 0.5, z), 0.45, 12);
+    let mut flat = ball(0.3, 0.5);
+    flat.normals.clear();
+    let mut scene = room();
+    let sky = Sky::Map(Arc::new(map));
+    scene.spawn((Environment { sky, rotation_degrees: 20.0, scale: 0.5 },));
+    show(&mut scene, mirror_box(), metal(0.4));
+    show(&mut scene, flat, metal(0.25));
+    show(&mut scene, ball(1.2, -0.4), coated);
+    show(&mut scene, ball(-1.1, 0.6), Material::glass(1.5));
+    check_same("suns", &mut scene, &small());
+    check_same("suns, shared", &mut scene, &RenderSettings { sharing: Sharing::Always, ..small() });
 }
 
 /// Facets and smooth normals; one solid within another; something dull inside.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use wavecast::{
     flat::SceneNeeds,
-    render::{RenderSettings, RenderStats, Renderer},
+    render::{RenderSettings, RenderStats, Renderer, Sharing},
     world::{
         AlphaMode, DirectionalLight, Environment, EnvironmentMap, Geometry, Image, LocalTransform, Material,
         PointLight, Scene, Sky, Texels, Texture, TriMesh,
@@ -111,7 +111,9 @@ fn alpha_is_not_asked_for_where_it_covers_wholly() {
         renderer.sync(&mut scene);
         let needs_alpha = renderer.scene().needs.has(SceneNeeds::ALPHA);
         assert_eq!(needs_alpha, alpha_mode != AlphaMode::Opaque);
-        let rendered = renderer.render(&settings(24, 4), &());
+        // Where coverage is left to chance nothing is shared, and here nothing shall be.
+        let settings = RenderSettings { sharing: Sharing::Off, ..settings(24, 4) };
+        let rendered = renderer.render(&settings, &());
         (count(&rendered.stats, "alpha_tests"), rendered.picture.rgb)
     };
     let (_, solid) = seen(AlphaMode::Opaque, [left, left]);

@@ -129,13 +129,15 @@ fn mirrors_light_what_they_face() {
     check_same("mirror", &mut scene, &small());
 }
 
-/// What a sky with a sun of two texels throws off metal, coated and clear things, smooth and less so; some of it through glass first.
+/// What a sky with a sun of eight texels throws off metal, coated and clear things, smooth and less so; some of it through glass first.
 #[test]
 fn suns_light_what_shines_on_others() {
-    let (width, height) = (16, 8);
+    let (width, height) = (64, 32);
     let mut texels = vec![[0.1, 0.15, 0.3]; width * height];
-    texels[2 * width + 6] = [150.0, 140.0, 120.0];
-    texels[2 * width + 7] = [90.0, 90.0, 80.0];
+    // Large, so that camera paths find it often enough to be believed.
+    for (row, column) in (8..10).flat_map(|row| (22..26).map(move |column| (row, column))) {
+        texels[row * width + column] = [75.0, 70.0, 60.0];
+    }
     let map = EnvironmentMap { name: "sun".to_owned(), width: width as u32, height: height as u32, texels };
     let metal = |roughness| Material { base_color: Vec3::new(0.9, 0.7, 0.5), roughness, ..Material::default() };
     let coated = Material { metallic: 0.0, base_color: Vec3::new(0.2, 0.5, 0.3), ..metal(0.3) };

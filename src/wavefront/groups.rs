@@ -52,7 +52,7 @@ pub fn pixel_of(sample: u32, size: usize, group: u32, member: u32) -> (u32, u32)
 /// A group's paths follow one another in it: those of a sample are as evenly spread as those of a pixel would be.
 pub fn key(sampler: &Sampler, size: usize, [x, y]: [u32; 2], sample: u32) -> (u32, u32) {
     let bits = of_group(sample, size);
-    let place = x % SQUARE | y % SQUARE * SQUARE;
+    let place = (x % SQUARE) | (y % SQUARE * SQUARE);
     let (group, member) = (gathered(place, bits), gathered(place, !bits));
     // Groups of one square are all the same; others come back when they are cut as they were.
     let (way, ways) = if size == MOST { (0, 1) } else { (sample % WAYS, WAYS) };

@@ -98,7 +98,8 @@ pub fn sky(
         for lane in 0..rows.len() {
             let (i, radiance) = (taken.index[lane] as usize, seen.radiance.lane(lane));
             let of_sun = caustic::is_of_sun(suns, paths.eta_scale[i], paths.pdf[i], paths.depth[i], radiance);
-            if !of_sun && !(hidden && depth[lane] == 0) {
+            let unseen = of_sun || (hidden && depth[lane] == 0);
+            if !unseen {
                 let path = (slot[lane], sample[lane]);
                 add(tally, shares && depth[lane] == 1, path, direction, &seen, throughput, lane);
             }

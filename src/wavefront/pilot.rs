@@ -2,16 +2,20 @@
 //!
 //! Sharing what paths find makes noise smaller and samples dearer. Of what a pixel gets from each kind of find, both the shared
 //! and the unshared amount come out of the same paths, so that one pilot says for each set of kinds what the variance of a
-//! sample would be, and from the two follows what groups of another size would do. What has the least product of variance and cost
-//! is taken. The pilot's samples have numbers of their own and are counted nowhere, so nothing depends on them but how long the
+//! sample would be, and from the two follows what groups of another size would do. Paths that share nothing are measured for
+//! themselves: each pixel then has a sequence of its own, which is more even than its part of a group's. What has the least
+//! product of variance and cost is taken. The pilot's samples have numbers of their own and are counted nowhere, so nothing depends on them but how long the
 //! picture takes (chosen by the picture's own samples, the way that happens to look dark would be taken too often); and they are the
 //! same whatever part of a picture is rendered, and however.
+
+use std::array;
 
 use rayon::prelude::*;
 
 use super::{
-    Job, Worker,
+    Job, Settings, Worker,
     reuse::{KINDS, Shares},
+    stats::Counters,
 };
 use crate::{
     film::{BLOCK, Film},
@@ -41,6 +45,8 @@ const FLOOR: f64 = 0.1;
 const GROUPS: [usize; 4] = [8, 16, 32, 64];
 /// Power of the size by which the price of all links of a path grows: the more, the better they run side by side.
 const PRICE_GROWS: f64 = 0.8;
+/// What sharing must come down to of what there is without, by an estimate that errs by a tenth or so.
+const WORTHWHILE: f64 = 0.9;
 /// Share of the pixels, the noisiest ones, that do not count.
 const LEFT_OUT: f64 = 0.002;
 
@@ -48,6 +54,8 @@ const LEFT_OUT: f64 = 0.002;
 struct Square {
     /// By pixel and mean: what the pixel got by all kinds shared, and for each kind what it would get more if it were not.
     totals: Vec<[[f64; 3]; 2]>,
+    /// What it got by paths that share nothing.
+    alone: Vec<[[f64; 3]; 2]>,
     excess: Vec<[[[f64; 3]; KINDS]; 2]>,
     rays: f64,
     links: [f64; KINDS],
@@ -82,35 +90,43 @@ fn measure(worker: &mut Worker, job: &Job, settings: &RenderSettings, [x, y]: [u
     let edge = |at: u32, end: u32| BLOCK.min(end - at);
     let crop = Some([x, y, edge(x, settings.width), edge(y, settings.height)]);
     let of_square = RenderSettings { crop, ..settings.clone() };
-    let mut film = Film::new(&of_square, job.unit);
+    let nothing = Shares::of(0, job.settings.shares.group);
+    let apart = Job { settings: Settings { shares: nothing, ..job.settings.clone() }, ..job.clone() };
+    let (alone, _) = means(worker, &apart, &of_square);
+    worker.counters = Counters::default();
+    let (totals, excess) = means(worker, job, &of_square);
+    let each = f64::from(2 * MEAN_OF);
+    let links = std::mem::take(&mut worker.joiner.links_by_kind).map(|links| links as f64 / each);
+    let counters = std::mem::take(&mut worker.counters);
+    let rays = counters.all_rays() as f64 / each - links.iter().sum::<f64>();
+    Square { totals, alone, excess, rays, links }
+}
+
+/// Two means of [`MEAN_OF`] samples, by pixel, and what each kind of find adds to them if it is not shared.
+fn means(
+    worker: &mut Worker,
+    job: &Job,
+    settings: &RenderSettings,
+) -> (Vec<[[f64; 3]; 2]>, Vec<[[[f64; 3]; KINDS]; 2]>) {
+    let mut film = Film::new(settings, job.unit);
     let tile = &mut film.tiles[0];
     let pixels = tile.pixels();
-    let mut square = Square {
-        totals: vec![[[0.0; 3]; 2]; pixels],
-        excess: vec![[[[0.0; 3]; KINDS]; 2]; pixels],
-        rays: 0.0,
-        links: [0.0; KINDS],
-    };
+    let mut totals = vec![[[0.0; 3]; 2]; pixels];
+    let mut excess = vec![[[[0.0; 3]; KINDS]; 2]; pixels];
     let mut before = vec![[0; 3]; pixels];
+    let mean = |sum: f64| sum / f64::from(MEAN_OF);
     for half in 0..2 {
         worker.joiner.measured = Some(vec![[[0.0; 3]; KINDS]; pixels]);
         worker.run(job, tile, half * MEAN_OF, (half + 1) * MEAN_OF, 1);
-        let excess = worker.joiner.measured.take().unwrap_or_default();
-        let mean = |sum: f64| sum / f64::from(MEAN_OF);
+        let more = worker.joiner.measured.take().unwrap_or_default();
         for pixel in 0..pixels {
             let now = tile.light(pixel);
-            let got = std::array::from_fn(|i| mean(job.unit.value(now[i] - before[pixel][i])));
-            square.totals[pixel][half as usize] = got;
-            square.excess[pixel][half as usize] = excess[pixel].map(|kind| kind.map(mean));
+            totals[pixel][half as usize] = array::from_fn(|i| mean(job.unit.value(now[i] - before[pixel][i])));
+            excess[pixel][half as usize] = more[pixel].map(|kind| kind.map(mean));
             before[pixel] = now;
         }
     }
-    let each = f64::from(2 * MEAN_OF);
-    let links = std::mem::take(&mut worker.joiner.links_by_kind);
-    square.links = links.map(|links| links as f64 / each);
-    let counters = std::mem::take(&mut worker.counters);
-    square.rays = counters.all_rays() as f64 / each - square.links.iter().sum::<f64>();
-    square
+    (totals, excess)
 }
 
 fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
@@ -119,7 +135,8 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
         |square: &Square| square.totals.iter().flatten().flatten().sum::<f64>() / (6 * square.totals.len()) as f64;
     let mean = squares.iter().map(|square| mean_of(square) * square.totals.len() as f64).sum::<f64>() / pixels;
     let rays = squares.iter().map(|square| square.rays).sum::<f64>() / pixels;
-    // By set and pixel.
+    // By pixel, of paths that share nothing; and by set and pixel.
+    let mut alone = Vec::new();
     let mut noise: [Vec<f64>; 1 << KINDS] = Default::default();
     let mut links = [0.0; KINDS];
     for square in squares {
@@ -127,20 +144,21 @@ fn choose(squares: &[Square], all: Shares, price: f64) -> Shares {
         if scale <= 0.0 {
             continue;
         }
+        let variance = |of: [[f64; 3]; 2]| (0..3).map(|i| (of[0][i] - of[1][i]).powi(2) / 2.0).sum::<f64>() / scale;
+        alone.extend(square.alone.iter().map(|&of| variance(of)));
         for (totals, excess) in square.totals.iter().zip(&square.excess) {
             for (set, noise) in noise.iter_mut().enumerate() {
-                let with = |sample: usize, channel: usize| {
-                    let more = |kind: usize| if set >> kind & 1 == 1 { 0.0 } else { excess[sample][kind][channel] };
-                    totals[sample][channel] + (0..KINDS).map(more).sum::<f64>()
-                };
-                let variance: f64 = (0..3).map(|i| (with(0, i) - with(1, i)).powi(2) / 2.0).sum();
-                noise.push(variance / scale);
+                let unshared = |kind: &usize| set >> kind & 1 == 0;
+                noise.push(variance(array::from_fn(|half| {
+                    let more = |i: usize| (0..KINDS).filter(unshared).map(|kind| excess[half][kind][i]).sum::<f64>();
+                    array::from_fn(|i| totals[half][i] + more(i))
+                })));
             }
         }
         (0..KINDS).for_each(|kind| links[kind] += square.links[kind] / pixels);
     }
     let noise = noise.map(without_worst);
-    let (mut best, mut least) = (Shares::of(0, all.group), noise[0] * (BASE + rays));
+    let (mut best, mut least) = (Shares::of(0, all.group), WORTHWHILE * without_worst(alone) * (BASE + rays));
     for set in (1..1 << KINDS).filter(|set| set & !all.bits() == 0) {
         let links: f64 = (0..KINDS).filter(|kind| set >> kind & 1 == 1).map(|kind| links[kind]).sum();
         // What sharing took away is as good as all that was to be shared, but for its mean over the group.

@@ -2,7 +2,7 @@
 
 use wide::{f32x8, u32x8};
 
-use super::{Eight, Extremes, Packet, hits::Hits};
+use super::{Eight, Extremes, FROM_CAMERA, Packet, hits::Hits};
 use crate::{
     accel::{
         Coverage, Rays,
@@ -27,14 +27,26 @@ impl<const V: usize> Packet<V> {
         }
     }
 
+    /// Lane of the packet's n-th ray. Rays of the camera come by eights, each of neighbouring pixels; those of the same pixels
+    /// run closer by one another, and are put into one vector.
+    #[inline(always)]
+    pub fn place(member: usize) -> usize {
+        if V != FROM_CAMERA {
+            return member;
+        }
+        let (sample, pixel) = (member / LANES, member % LANES);
+        let pixels = LANES / V;
+        pixel / pixels * LANES + sample * pixels + pixel % pixels
+    }
+
     /// Becomes that of the rays from `start` on, the last of them several times over if they are too few; false if they do
     /// not run side by side, and it is then of no use.
     #[inline(always)]
     pub fn gather<C: Coverage>(&mut self, rays: &impl Rays, start: usize) -> bool {
         let last = rays.count() - 1;
         let mut columns = [[[0.0; LANES]; V]; 7];
-        for lane in 0..V * LANES {
-            let (origin, direction, t_max) = rays.ray((start + lane).min(last));
+        for (member, lane) in (0..V * LANES).map(|member| (member, Self::place(member))) {
+            let (origin, direction, t_max) = rays.ray((start + member).min(last));
             let [ox, oy, oz] = origin;
             let [dx, dy, dz] = direction;
             for (column, value) in columns.iter_mut().zip([ox, oy, oz, dx, dy, dz, t_max]) {
@@ -46,8 +58,8 @@ impl<const V: usize> Packet<V> {
             eight.hits = Hits::none(t_max);
         }
         if !C::TRIVIAL {
-            for (lane, id) in self.eights.iter_mut().flat_map(|eight| &mut eight.ids).enumerate() {
-                *id = rays.id((start + lane).min(last));
+            for (member, lane) in (0..V * LANES).map(|member| (member, Self::place(member))) {
+                self.eights[lane / LANES].ids[lane % LANES] = rays.id((start + member).min(last));
             }
         }
         self.prepare(&[0, 1, 2].map(vectors), &[3, 4, 5].map(vectors))

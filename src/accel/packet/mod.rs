@@ -359,9 +359,10 @@ impl<const V: usize> Packet<V> {
 
     /// What each ray hit.
     fn report(&self, mut done: impl FnMut(usize, &Hit)) {
-        for (vector, eight) in self.eights.iter().enumerate() {
-            let hits = eight.hits.each();
-            hits.iter().enumerate().for_each(|(lane, hit)| done(vector * LANES + lane, hit));
+        let hits: [_; V] = std::array::from_fn(|vector| self.eights[vector].hits.each());
+        for member in 0..V * LANES {
+            let lane = Self::place(member);
+            done(member, &hits[lane / LANES][lane % LANES]);
         }
     }
 }

@@ -197,6 +197,7 @@ pub enum LayerArg {
     EntityId,
     MaterialId,
     Samples,
+    Error,
 }
 
 impl From<LayerArg> for LayerKind {
@@ -210,6 +211,7 @@ impl From<LayerArg> for LayerKind {
             LayerArg::EntityId => Self::EntityId,
             LayerArg::MaterialId => Self::MaterialId,
             LayerArg::Samples => Self::SampleCount,
+            LayerArg::Error => Self::Error,
         }
     }
 }

@@ -24,6 +24,15 @@ pub enum LayerData {
     Id(Vec<u32>),
 }
 
+impl LayerData {
+    /// Gives a pixel three numbers, where there is room for them.
+    pub(super) fn set_rgb(&mut self, at: usize, value: [f32; 3]) {
+        if let Self::Rgb(values) | Self::Xyz(values) = self {
+            values[at] = value;
+        }
+    }
+}
+
 /// Scene-linear Rec.709 radiance in nit with its alpha and layers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {

@@ -154,6 +154,7 @@ impl Film {
             let samples: u32 = tile.samples.iter().sum();
             let scale = 1.0 / f64::from(samples.max(1));
             let weights = tile.weights(self.adaptive);
+            let standard_errors = self.standard_errors(row, tile);
             let even = weights.iter().all(|&weight| weight == weights[0]);
             for (pixel, at) in self.pixels_of(tile) {
                 picture.rgb[at] = std::array::from_fn(|i| {
@@ -170,6 +171,10 @@ impl Film {
                     alpha[at] = (f64::from(tile.covered[pixel]) * scale) as f32;
                 }
                 for (i, layer) in picture.layers.iter_mut().enumerate() {
+                    if self.layers[i] == LayerKind::Error {
+                        layer.data.set_rgb(at, standard_errors(pixel));
+                        continue;
+                    }
                     let mean = |channel: usize| (Unit::PLAIN.value(tile.layers[i].0[pixel][channel]) * scale) as f32;
                     match &mut layer.data {
                         LayerData::Scalar(values) => values[at] = mean(0),
@@ -210,7 +215,7 @@ impl Film {
 impl LayerKind {
     /// True for layers that are means over samples.
     pub fn is_sum(self) -> bool {
-        !self.is_id() && self != Self::SampleCount
+        !self.is_id() && !matches!(self, Self::SampleCount | Self::Error)
     }
 
     /// True for layers that hold an id.
@@ -229,12 +234,13 @@ impl LayerKind {
             Self::EntityId => "entity-id",
             Self::MaterialId => "material-id",
             Self::SampleCount => "samples",
+            Self::Error => "error",
         }
     }
 
     fn blank(self, pixels: usize) -> Layer {
         let data = match self {
-            Self::Albedo => LayerData::Rgb(vec![[0.0; 3]; pixels]),
+            Self::Albedo | Self::Error => LayerData::Rgb(vec![[0.0; 3]; pixels]),
             Self::Normal | Self::Position => LayerData::Xyz(vec![[0.0; 3]; pixels]),
             Self::Depth => LayerData::Scalar(vec![0.0; pixels]),
             Self::Uv => LayerData::Uv(vec![[0.0; 2]; pixels]),

@@ -66,7 +66,7 @@ pub fn layers(
                     }
                     continue;
                 }
-                LayerKind::SampleCount => continue,
+                LayerKind::SampleCount | LayerKind::Error => continue,
             };
             tile.layers[layer].add(Unit::PLAIN, pixel, value);
         }

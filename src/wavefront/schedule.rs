@@ -266,7 +266,9 @@ impl<R: Run> Passes<'_, R> {
             watcher.total.store((done / ratio).min(most_paths) as u64, Ordering::Relaxed);
             let all_spp = (f64::from(spp) / ratio).min(most_spp.map_or(f64::INFINITY, f64::from));
             if plan.is_none() && EVEN_SHARE * all_spp > f64::from(spp) {
-                next_spp = ((EVEN_SHARE * all_spp).min(MOST_GROWTH * f64::from(spp)) as u32).next_multiple_of(PASS);
+                // More than there are, or nothing would seem to be left to do.
+                let want = (EVEN_SHARE * all_spp).min(MOST_GROWTH * f64::from(spp)) as u32;
+                next_spp = (want.max(spp) + 1).next_multiple_of(PASS);
                 continue;
             }
             let growth =

@@ -76,15 +76,15 @@ fn a_pixel_does_not_know_what_else_is_rendered() {
 /// Asking for layers or coverage changes no bit of the light.
 #[test]
 fn layers_leave_the_beauty_picture_alone() {
-    use wavecast::render::LayerKind::{Albedo, Depth, EntityId, MaterialId, Normal, Position, SampleCount, Uv};
+    use wavecast::render::LayerKind::{Albedo, Depth, EntityId, Error, MaterialId, Normal, Position, SampleCount, Uv};
     let mut renderer = Renderer::new();
     renderer.sync(&mut varied());
     let base = settings(24, 4);
     let plain = renderer.render(&base, &()).picture;
-    let layers = vec![Albedo, Normal, Depth, Position, Uv, EntityId, MaterialId, SampleCount];
+    let layers = vec![Albedo, Normal, Depth, Position, Uv, EntityId, MaterialId, SampleCount, Error];
     let with = renderer.render(&RenderSettings { layers, ..base }, &()).picture;
     assert_eq!(plain.rgb, with.rgb);
-    assert_eq!(with.layers.len(), 8);
+    assert_eq!(with.layers.len(), 9);
 }
 
 /// Light between two facing perfect mirrors, and inside a ball of white glass seen from within, never fades; the

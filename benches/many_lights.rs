@@ -8,6 +8,8 @@
 //!   radiance, spread over the same part of the ceiling. What counts is relMSE at as many samples, from the spread of
 //!   pictures of different seeds; it may be twice as much.
 //!
+//! Pixels share nothing here: how many share would be chosen by what it pays in each scene, and hide what lights cost.
+//!
 //! It fails where more is needed than that; time is of the machine, so it should have nothing else to do.
 
 use std::{fmt::Write as _, fs, path::Path, process::ExitCode};
@@ -15,7 +17,7 @@ use std::{fmt::Write as _, fs, path::Path, process::ExitCode};
 use glam::{DVec3, Vec3};
 use wavecast::{
     measure::converged::Replicas,
-    render::{PixelFilter, RenderSettings, Renderer},
+    render::{PixelFilter, RenderSettings, Renderer, Sharing},
     world::{Camera, Geometry, LocalTransform, Material, MaterialSlots, Scene, TriMesh},
 };
 
@@ -136,7 +138,15 @@ fn measure<const N: usize>(scenes: [Scene; N], spp: u32) -> [Measured; N] {
     for seed in 0..SEEDS {
         for ((renderer, sync), measured) in renderers.iter().zip(&mut measured) {
             let (width, height, filter) = (320, 240, PixelFilter::Box);
-            let settings = RenderSettings { width, height, spp: Some(spp), seed, filter, ..RenderSettings::default() };
+            let settings = RenderSettings {
+                width,
+                height,
+                spp: Some(spp),
+                seed,
+                filter,
+                sharing: Sharing::Off,
+                ..RenderSettings::default()
+            };
             let rendered = renderer.render(&settings, &());
             measured.sync = *sync;
             measured.path.push(rendered.stats.seconds / (f64::from(width * height) * rendered.stats.spp));

@@ -51,6 +51,7 @@ pub mod textbook;
 mod triangle;
 mod two_level;
 pub mod watertight;
+mod way;
 
 pub use self::{
     brute::Brute,

@@ -185,7 +185,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::accel::{Accel, AccelKind, Blas, bvh8::bounds_of, family, tests::placed, two_level::transform_point};
+    use crate::accel::{Accel, AccelKind, Blas, bvh8::bounds_of, family, tests::placed, way::transform_point};
 
     /// The box is that of the eight corners, each transformed as a ray's start is, and grown.
     #[test]

@@ -16,7 +16,7 @@ use super::{
     leaf::{Leaf, QUAD, least},
     opacity::Opacity,
     triangle::Ray,
-    two_level::{Accel, Hit, NO_HIT, SHAPE, hit_of, is_there, to_local},
+    two_level::{Accel, Hit, NO_HIT, SHAPE, hit_of, is_there},
 };
 use crate::{
     flat::NONE,
@@ -343,7 +343,7 @@ impl<'a> Slot<'a> {
         let instance = &accel.instances[part.instance as usize];
         self.instance = part.instance;
         if !instance.identity {
-            self.ray = to_local(instance, self.ray.origin, self.ray.direction);
+            self.ray = accel.ways[part.instance as usize].lead(self.ray.origin, self.ray.direction);
         }
         self.arena = instance.blas.tree.arena.granules();
         self.current = part.root;

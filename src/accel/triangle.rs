@@ -1,5 +1,7 @@
 //! Ray against triangle, without gaps between neighbours.
 
+use wide::{f32x4, f32x8, u16x8, u32x8};
+
 use super::leaf::{Leaf, TriangleQuad};
 use crate::simd::{LANES, Real};
 
@@ -55,38 +57,90 @@ pub(super) enum Side {
     Upper = LANES as u8,
 }
 
-impl Ray {
-    /// Prepares a ray.
-    #[inline]
-    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let [x, y, z] = direction.map(f32::abs);
-        let kz = if x > y {
-            if x > z { 0 } else { 2 }
-        } else if y > z {
+/// What follows from a direction's signs and from which of its components are larger than which.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct Turn {
+    /// Where the direction's components lie by [`Ray::axes`], and behind them those of the start.
+    order: [u16; LANES],
+    /// The axis that the ray mostly runs along.
+    along: u8,
+    axes: [Axis; 3],
+    first: [Side; 3],
+    last: [Side; 3],
+}
+
+/// By |x| > |y|, |x| > |z|, |y| > |z| in the upper bits, the signs of x, y and z in the lower ones. A table, because what
+/// rays through the leaves of a tree run along cannot be guessed.
+static TURNS: [Turn; 64] = {
+    let turn = Turn { order: [0; LANES], along: 0, axes: Axis::ALL, first: [Side::Lower; 3], last: [Side::Upper; 3] };
+    let mut table = [turn; 64];
+    let mut row = 0;
+    while row < 64 {
+        let turn = &mut table[row];
+        let (x_over_y, x_over_z, y_over_z) = (row & 8 != 0, row & 16 != 0, row & 32 != 0);
+        let kz = if x_over_y && x_over_z {
+            0
+        } else if !x_over_y && y_over_z {
             1
         } else {
             2
         };
-        let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
-        if direction[kz] < 0.0 {
-            std::mem::swap(&mut kx, &mut ky);
+        // Turned over if it runs backwards, so that triangles keep their orientation.
+        let backwards = row >> kz & 1;
+        let axes = [(kz + 1 + backwards) % 3, (kz + 2 - backwards) % 3, kz];
+        turn.along = kz as u8;
+        let mut axis = 0;
+        while axis < 3 {
+            turn.axes[axis] = Axis::ALL[axes[axis]];
+            turn.order[axis] = axes[axis] as u16;
+            turn.order[4 + axis] = 4 + axes[axis] as u16;
+            if row >> axis & 1 == 1 {
+                (turn.first[axis], turn.last[axis]) = (Side::Upper, Side::Lower);
+            }
+            axis += 1;
         }
-        let inverse = direction.map(|d| 1.0 / d);
-        let shear = [direction[kx] * inverse[kz], direction[ky] * inverse[kz], inverse[kz]];
-        let side = |backwards: bool| if backwards { Side::Upper } else { Side::Lower };
-        let axes = [kx, ky, kz].map(|axis| Axis::ALL[axis]);
-        let (first, last) = (inverse.map(|inverse| side(inverse < 0.0)), inverse.map(|inverse| side(inverse >= 0.0)));
-        let against = inverse.map(|inverse| -inverse);
+        row += 1;
+    }
+    table
+};
+
+impl Ray {
+    /// Prepares a ray.
+    #[inline]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let [origin, direction] = [origin, direction].map(|[x, y, z]| f32x4::new([x, y, z, 0.0]));
+        Self::of(origin, direction)
+    }
+
+    /// [`Ray::new`], given vectors of three numbers, whose last lane is ignored.
+    #[inline(always)]
+    pub(super) fn of(origin: f32x4, direction: f32x4) -> Self {
+        let both: f32x8 = bytemuck::cast([direction, origin]);
+        let sizes: u32x8 = bytemuck::cast(both.abs());
+        let one: f32x8 = bytemuck::cast(sizes.shuffle_wrapping(u32x8::new([0, 0, 1, 3, 3, 3, 3, 3])));
+        let other: f32x8 = bytemuck::cast(sizes.shuffle_wrapping(u32x8::new([1, 2, 2, 3, 3, 3, 3, 3])));
+        let larger = one.simd_gt(other).to_bitmask() & 7;
+        let negative = both.to_bitmask() & 7;
+        let turn = &TURNS[(larger << 3 | negative) as usize];
+        let inverse = f32x4::ONE / direction;
+        let against = -inverse;
+        let along = inverse.to_array()[turn.along as usize % 4];
+        let order = u32x8::from(u16x8::new(turn.order));
+        let turned: f32x8 = bytemuck::cast(bytemuck::cast::<_, u32x8>(both).shuffle_wrapping(order));
+        let [across, from]: [f32x4; 2] = bytemuck::cast(turned);
+        let [sx, sy, ..] = (across * f32x4::splat(along)).to_array();
+        let three = |of: f32x4| -> [f32; 3] { *of.as_array().first_chunk().expect("four lanes") };
         Self {
-            origin,
-            direction,
-            inverse,
-            against,
-            shear,
-            from: [kx, ky, kz].map(|axis| origin[axis]),
-            axes,
-            first,
-            last,
+            origin: three(origin),
+            direction: three(direction),
+            inverse: three(inverse),
+            against: three(against),
+            shear: [sx, sy, along],
+            from: three(from),
+            axes: turn.axes,
+            first: turn.first,
+            last: turn.last,
         }
     }
 
@@ -173,6 +227,58 @@ pub fn intersect(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<Trian
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// [`Ray::new`] a number at a time.
+    fn scalar(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+        let [x, y, z] = direction.map(f32::abs);
+        let kz = if x > y && x > z {
+            0
+        } else if y >= x && y > z {
+            1
+        } else {
+            2
+        };
+        let (mut kx, mut ky) = ((kz + 1) % 3, (kz + 2) % 3);
+        if direction[kz] < 0.0 {
+            std::mem::swap(&mut kx, &mut ky);
+        }
+        let inverse = direction.map(|d| 1.0 / d);
+        let side = |backwards: bool| if backwards { Side::Upper } else { Side::Lower };
+        Ray {
+            origin,
+            direction,
+            inverse,
+            against: inverse.map(|inverse| -inverse),
+            shear: [direction[kx] * inverse[kz], direction[ky] * inverse[kz], inverse[kz]],
+            from: [kx, ky, kz].map(|axis| origin[axis]),
+            axes: [kx, ky, kz].map(|axis| Axis::ALL[axis]),
+            first: inverse.map(|inverse| side(inverse < 0.0)),
+            last: inverse.map(|inverse| side(inverse >= 0.0)),
+        }
+    }
+
+    /// In all directions of a grid, of which many have equal components and components that are a zero of either sign,
+    /// in all orders of size, and from one number to the largest and the smallest.
+    #[test]
+    fn rays_are_prepared_as_they_are_a_number_at_a_time() {
+        let components = [-f32::MAX, -2.0, -1.0, -0.3, -1e-40, -0.0, 0.0, 1e-40, 0.3, 1.0, 2.0, f32::MAX];
+        for (i, x) in components.into_iter().enumerate() {
+            for (j, y) in components.into_iter().enumerate() {
+                for (k, z) in components.into_iter().enumerate().filter(|&(_, z)| [x, y, z] != [0.0; 3]) {
+                    let origin = [components[k], components[i], components[j]];
+                    let (got, want) = (Ray::new(origin, [x, y, z]), scalar(origin, [x, y, z]));
+                    let numbers = |ray: &Ray| {
+                        [ray.origin, ray.direction, ray.inverse, ray.against, ray.shear, ray.from]
+                            .map(|of| of.map(f32::to_bits))
+                    };
+                    // Zero times infinite is not a number of no defined bits.
+                    let same = numbers(&got) == numbers(&want) || want.shear.iter().any(|x| x.is_nan());
+                    assert!(same, "{got:?} {want:?}");
+                    assert_eq!((got.axes, got.first, got.last), (want.axes, want.first, want.last), "{x} {y} {z}");
+                }
+            }
+        }
+    }
 
     const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 

@@ -14,6 +14,7 @@ use super::{
     packet, queue, slot,
     structure::{Counters, Nearest},
     triangle::{Ray, TriangleHit},
+    way::Way,
 };
 use crate::{flat::NONE, simd::LANES};
 
@@ -80,6 +81,8 @@ pub struct Accel {
     pub(super) tree: Bvh8,
     /// The placed meshes, and after them the merged one, if there is any.
     pub(super) instances: Vec<InstanceRef>,
+    /// Into each of those.
+    pub(super) ways: Vec<Way>,
     /// Placed meshes.
     placed: usize,
     pub(super) merged: Merged,
@@ -94,24 +97,6 @@ pub struct Accel {
     pub(super) deep: bool,
     /// Some mesh is in another structure than the eight-wide tree, and rays go one by one for that.
     pub(super) others: bool,
-}
-
-/// A 3×4 matrix, by rows, times a point.
-#[inline(always)]
-pub(crate) fn transform_point(m: &[f32; 12], p: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|row| {
-        let m = &m[row * 4..row * 4 + 4];
-        m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
-    })
-}
-
-/// The linear part of a 3×4 matrix, by rows, times a vector.
-#[inline(always)]
-pub(crate) fn transform_vector(m: &[f32; 12], v: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|row| {
-        let m = &m[row * 4..row * 4 + 4];
-        m[0] * v[0] + m[1] * v[1] + m[2] * v[2]
-    })
 }
 
 impl Accel {
@@ -144,7 +129,8 @@ impl Accel {
         let alone = parts.len() == 1 && !is_shape(0);
         let bounds = all.valid().then(|| (all.min.to_array(), all.max.to_array()));
         let deep = tree.stack + deepest + 1 > slot::STACK;
-        Self { tree, instances, placed, merged, parts, alone, unbounded, bounds, deep, others }
+        let ways = Way::into_all(&instances);
+        Self { tree, instances, ways, placed, merged, parts, alone, unbounded, bounds, deep, others }
     }
 
     /// Lowest and highest corner of everything, if there is anything.
@@ -160,7 +146,8 @@ impl Accel {
     /// Bytes of the top level, what is merged into it included; meshes are counted by [`Blas::bytes`].
     pub fn bytes(&self) -> usize {
         let merged: usize = self.instances[self.placed..].iter().map(|one| one.blas.bytes()).sum();
-        let rows = self.instances.len() * size_of::<InstanceRef>() + self.parts.len() * size_of::<Part>();
+        let rows =
+            self.instances.len() * (size_of::<InstanceRef>() + size_of::<Way>()) + self.parts.len() * size_of::<Part>();
         self.tree.bytes() + rows + merged + self.merged.bytes()
     }
 
@@ -300,7 +287,7 @@ impl Accel {
     ) {
         let instance = &self.instances[row as usize];
         let (Some(shape), part) = (&instance.blas.other, Part { instance: row, root: 0 }) else { return };
-        in_local(instance, ray, |local| nearest_in_other(shape, instance, part, local, t_max, best, ray_id, coverage));
+        in_local(self, row, ray, |local| nearest_in_other(shape, instance, part, local, t_max, best, ray_id, coverage));
     }
 
     /// [`Accel::meet_shape`] of all that are in no box.
@@ -322,20 +309,13 @@ impl Accel {
 /// Marks a child reference of the top level as an instance that is a shape, of which the other bits are the part.
 pub(super) const SHAPE: u32 = INSTANCE | QUAD;
 
-/// A ray as the instance's mesh sees it.
-#[inline(always)]
-pub(super) fn to_local(instance: &InstanceRef, origin: [f32; 3], direction: [f32; 3]) -> Ray {
-    let m = &instance.local_from_world;
-    Ray::new(transform_point(m, origin), transform_vector(m, direction))
-}
-
 /// Calls `look` with the ray as the instance's mesh sees it, if it can be seen from there.
 #[inline(always)]
-fn in_local<T: Default>(instance: &InstanceRef, ray: &Ray, look: impl FnOnce(&Ray) -> T) -> T {
-    if instance.identity {
+fn in_local<T: Default>(accel: &Accel, row: u32, ray: &Ray, look: impl FnOnce(&Ray) -> T) -> T {
+    if accel.instances[row as usize].identity {
         return look(ray);
     }
-    let local = to_local(instance, ray.origin, ray.direction);
+    let local = accel.ways[row as usize].lead(ray.origin, ray.direction);
     if local.is_finite() { look(&local) } else { T::default() }
 }
 
@@ -353,11 +333,13 @@ pub(super) fn nearest_in<C: Coverage>(
 ) {
     let blas = &*instance.blas;
     if let Some(other) = &blas.other {
-        in_local(instance, ray, |local| nearest_in_other(other, instance, part, local, t_max, best, ray_id, coverage));
+        in_local(accel, part.instance, ray, |local| {
+            nearest_in_other(other, instance, part, local, t_max, best, ray_id, coverage)
+        });
         return;
     }
     let arena = blas.tree.arena.granules();
-    in_local(instance, ray, |local| {
+    in_local(accel, part.instance, ray, |local| {
         blas.tree.walk::<true>(Some(part.root), local, t_max, stack, &mut (), |block, t_max| {
             let block = Block::at(arena, block);
             let met = block.intersect(local, *t_max);
@@ -456,14 +438,14 @@ fn occluded_in<C: Coverage>(
 ) -> bool {
     let blas = &*instance.blas;
     if let Some(other) = &blas.other {
-        return in_local(instance, ray, |local| {
+        return in_local(accel, part.instance, ray, |local| {
             occluded_in_other(other, instance, part, local, t_max, ray_id, coverage)
         });
     }
     let arena = blas.tree.arena.granules();
     let mut found = false;
     let mut t_end = t_max;
-    in_local(instance, ray, |local| {
+    in_local(accel, part.instance, ray, |local| {
         blas.tree.walk::<false>(Some(part.root), local, &mut t_end, stack, &mut (), |block, t_end| {
             let block = Block::at(arena, block);
             let met = block.intersect(local, *t_end);

@@ -17,6 +17,11 @@ pub enum SamplerKind {
     /// Owen-scrambled Sobol.
     #[default]
     Sobol,
+    /// The same, in an order over the screen that makes the errors of neighbouring pixels differ, so that they look like blue
+    /// noise: dithered, and gone at a distance. No pixel's error is smaller for it. Where pixels share what their paths
+    /// find, only what the camera sees at once is ordered so. The order depends on the number of samples that is asked for. Not for
+    /// pictures of a given error, which are rendered with [`SamplerKind::Sobol`] instead.
+    BlueNoise,
     /// Independent hashes.
     Independent,
 }

@@ -155,7 +155,11 @@ pub fn samples(text: &str) -> Result<Range<u32>, String> {
 /// `--sampler`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SamplerArg {
+    /// Owen-scrambled Sobol
     Sobol,
+    /// The same in an order in which neighbouring pixels make up for one another's errors; not with --error
+    BlueNoise,
+    /// Hashes, for comparison
     Independent,
 }
 
@@ -163,6 +167,7 @@ impl From<SamplerArg> for SamplerKind {
     fn from(sampler: SamplerArg) -> Self {
         match sampler {
             SamplerArg::Sobol => Self::Sobol,
+            SamplerArg::BlueNoise => Self::BlueNoise,
             SamplerArg::Independent => Self::Independent,
         }
     }
@@ -189,14 +194,23 @@ impl From<FilterArg> for PixelFilter {
 /// `--layers`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LayerArg {
+    /// Share of light that the first surface reflects
     Albedo,
+    /// Shading normal of the first surface
     Normal,
+    /// Distance to it, m
     Depth,
+    /// Where it is, m
     Position,
+    /// Its texture coordinates
     Uv,
+    /// Row of its instance + 1
     EntityId,
+    /// Row of its material + 1
     MaterialId,
+    /// Samples taken
     Samples,
+    /// Standard error of the pixel, nit
     Error,
 }
 

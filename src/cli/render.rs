@@ -103,7 +103,7 @@ pub struct Args {
     accel: AccelArgs,
     #[command(flatten)]
     display: DisplayArgs,
-    /// Further layers of the EXR
+    /// Further layers of the EXR, such as albedo,error
     #[arg(long, value_name = "LAYER,…", value_enum, value_delimiter = ',')]
     layers: Vec<LayerArg>,
     /// Write times, counts and errors as JSON
@@ -288,6 +288,13 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
             )));
         }
     }
+    if args.error.is_some() && args.sampler == SamplerArg::BlueNoise {
+        return Err(CliError::Usage(
+            "--sampler blue-noise makes the errors of pixels depend on one another, so that --error could not tell them; \
+             leave out one of the two"
+                .into(),
+        ));
+    }
     let mut layers = Vec::new();
     for layer in args.layers.iter().map(|&layer| layer.into()) {
         if !layers.contains(&layer) {
@@ -332,6 +339,7 @@ fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, St
         ("max-depth".into(), settings.max_depth.map_or("none".into(), |depth| depth.to_string())),
         ("terminator-fix".into(), settings.terminator_fix.to_string()),
         ("transparent".into(), settings.transparent.to_string()),
+        ("reuse".into(), (settings.sharing != Sharing::Off).to_string()),
     ];
     let mut add = |key: &str, value: Option<String>| pairs.extend(value.map(|value| (key.to_owned(), value)));
     add("scene-name", args.scene.clone());

@@ -1,4 +1,4 @@
-//! Numbers in [0, 1) as a pure function of pixel, sample, dimension and seed.
+//! Numbers in [0, 1) as a pure function of pixel, sample, dimension and seed, and in one order of the number of samples.
 //!
 //! Nothing is stored between calls, so any path may ask for any number in any order and the picture does not depend
 //! on how the work was cut.
@@ -50,7 +50,17 @@ pub struct Sampler {
     key: [u32; 2],
     /// Base-2 logarithm of the number of sequences.
     log2_sequences: usize,
+    /// Base-2 logarithm of the samples of a pixel that follow one another, where a sequence is of many pixels.
+    log2_run: u32,
 }
+
+/// Base-2 logarithm of the edge of the squares of pixels that have a sequence together where their order is that of
+/// [`SamplerKind::BlueNoise`].
+const LOG2_SCREEN: u32 = 7;
+/// Samples of a pixel, as a base-2 logarithm, that follow one another in it where nothing is known of their number, and at
+/// most: then the parts of samples have room in 32 bits too.
+const LOG2_RUN: u32 = 4;
+const MOST_LOG2_RUN: u32 = 14;
 
 impl Sampler {
     /// The numbers of one seed, in one sequence.
@@ -60,7 +70,7 @@ impl Sampler {
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^= z >> 31;
-        Self { kind, key: [z as u32, (z >> 32) as u32], log2_sequences: 0 }
+        Self { kind, key: [z as u32, (z >> 32) as u32], log2_sequences: 0, log2_run: LOG2_RUN }
     }
 
     /// Numbers unrelated to these.
@@ -72,6 +82,32 @@ impl Sampler {
     /// With a sequence for each of the [`REPLICAS`].
     pub fn in_replicas(self) -> Self {
         Self { log2_sequences: LOG2_REPLICAS, ..self }
+    }
+
+    /// For pixels of so many samples, if that is known.
+    pub fn for_samples(self, spp: Option<u32>) -> Self {
+        let log2 = |spp: u32| spp.max(1).next_power_of_two().trailing_zeros().min(MOST_LOG2_RUN);
+        Self { log2_run: spp.map_or(LOG2_RUN, log2), ..self }
+    }
+
+    /// What stands for a pixel in [`Sampler::pair`], and the index there of one of its samples.
+    ///
+    /// With [`SamplerKind::BlueNoise`] a sequence is of a square of pixels, in the order of Morton's curve, all samples of a pixel
+    /// after one another: what is put to use of a sequence in any part of the curve is even, so that pixels that touch err in
+    /// opposite directions. Owen's scramble of the index takes the subtrees of the curve in another order in each dimension (Ahmed
+    /// and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of
+    /// Pixels").
+    #[inline(always)]
+    pub fn of_pixel(&self, x: u32, y: u32, sample: u32) -> (u32, u32) {
+        match self.kind {
+            SamplerKind::BlueNoise => {
+                let hash = self.group_hash(x >> LOG2_SCREEN, y >> LOG2_SCREEN, sample >> self.log2_run);
+                let edge = (1 << LOG2_SCREEN) - 1;
+                let place = spread(x & edge) | spread(y & edge) << 1;
+                (hash, place << self.log2_run | sample & ((1 << self.log2_run) - 1))
+            }
+            SamplerKind::Sobol | SamplerKind::Independent => (self.pixel_hash(x, y), sample),
+        }
     }
 
     /// The sequence of a pixel and dimension that a sample belongs to, and the sample's place in it before it is shuffled.
@@ -118,7 +154,7 @@ impl Sampler {
     #[inline(always)]
     pub fn pair<F: Real>(&self, pixel_hash: F::Bits, sample: F::Bits, dimension: F::Bits) -> (F, F) {
         match self.kind {
-            SamplerKind::Sobol => {
+            SamplerKind::Sobol | SamplerKind::BlueNoise => {
                 let (key, place) = self.sequence(pixel_hash, sample, dimension);
                 let i = key.shuffle(place);
                 (F::unit(scramble_reversed(i, key.x())), F::unit(scramble_reversed(second_dimension(i), key.y())))
@@ -134,13 +170,20 @@ impl Sampler {
     #[inline(always)]
     pub fn one<F: Real>(&self, pixel_hash: F::Bits, sample: F::Bits, dimension: F::Bits) -> F {
         match self.kind {
-            SamplerKind::Sobol => {
+            SamplerKind::Sobol | SamplerKind::BlueNoise => {
                 let (key, place) = self.sequence(pixel_hash, sample, dimension);
                 F::unit(scramble_reversed(key.shuffle(place), key.x()))
             }
             SamplerKind::Independent => F::unit(pcg3d([pixel_hash, sample, dimension])[0]),
         }
     }
+}
+
+/// A zero after each of the lower eight bits of a number (Morton 1966, "A Computer Oriented Geodetic Data Base").
+fn spread(x: u32) -> u32 {
+    let x = (x | x << 4) & 0x0f0f;
+    let x = (x | x << 2) & 0x3333;
+    (x | x << 1) & 0x5555
 }
 
 /// What makes one sequence unlike the others.

@@ -24,12 +24,13 @@ pub fn at<F: Real>(depth: F::Bits, decision: u32) -> F::Bits {
     depth * F::Bits::splat(STRIDE) + F::Bits::splat(FIRST + decision)
 }
 
-/// Stands for a ray where surfaces that cover in part are decided: a hash of the path and its depth.
+/// Stands for a ray where surfaces that cover in part are decided: a hash of the path's place among the sampler's numbers and
+/// of its depth.
 ///
 /// `kind` tells apart the rays that leave one vertex.
 #[inline(always)]
-pub fn ray_id(pixel_hash: u32, sample: u32, depth: u32, kind: u32) -> u32 {
-    mix(pixel_hash ^ mix(sample ^ mix(depth * 2 + kind)))
+pub fn ray_id(pixel_hash: u32, index: u32, depth: u32, kind: u32) -> u32 {
+    mix(pixel_hash ^ mix(index ^ mix(depth * 2 + kind)))
 }
 
 /// A bijection in which every input bit moves half the output bits (Wellons' lowbias32).

@@ -186,10 +186,10 @@ pub fn generate(
         // Lanes beyond repeat the last one.
         let slot: [u32; LANES] = std::array::from_fn(|lane| cursor.pixel + lane.min(count - 1) as u32);
         let (x, y) = (slot.map(|slot| x0 + slot % width), slot.map(|slot| y0 + slot / width));
-        let hashes: [u32; LANES] = std::array::from_fn(|lane| sampler.pixel_hash(x[lane], y[lane]));
-        let sample = Bits::splat(cursor.sample);
-        let u: (f32x8, f32x8) =
-            sampler.pair(Bits::from_fn(|lane| hashes[lane]), sample, Bits::splat(dimensions::FILTER));
+        let keys: [(u32, u32); LANES] = std::array::from_fn(|lane| sampler.of_pixel(x[lane], y[lane], cursor.sample));
+        let (hashes, indices) = (keys.map(|(hash, _)| hash), keys.map(|(_, index)| index));
+        let [hash, index] = [hashes, indices].map(|column| Bits::from_fn(|lane| column[lane]));
+        let u: (f32x8, f32x8) = sampler.pair(hash, index, Bits::splat(dimensions::FILTER));
         let film = |pixel: [u32; LANES], u: f32x8| {
             let offset = filter.offset(u).to_array();
             std::array::from_fn(|lane| f64::from(pixel[lane]) + 0.5 + f64::from(offset[lane]))
@@ -210,7 +210,7 @@ pub fn generate(
             eta_scale: [1.0; LANES],
             slot,
             sample: [cursor.sample; LANES],
-            index: [cursor.sample; LANES],
+            index: indices,
             pixel_hash: hashes,
             depth: [0; LANES],
             medium: [NONE; LANES],

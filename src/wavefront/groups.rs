@@ -62,6 +62,8 @@ pub fn key(sampler: &Sampler, size: usize, [x, y]: [u32; 2], sample: u32) -> (u3
 
 #[cfg(test)]
 mod tests {
+    use std::num::Wrapping;
+
     use super::*;
     use crate::render::SamplerKind;
 
@@ -92,6 +94,28 @@ mod tests {
                 let all = keys.len();
                 keys.dedup();
                 assert_eq!(keys.len(), all, "no number is used twice");
+            }
+        }
+    }
+
+    /// What the members of a group draw for one sample is as even as what a pixel draws for as many: one number in each of so
+    /// many parts of the interval.
+    #[test]
+    fn members_draw_an_aligned_run_of_one_sequence() {
+        for sampler in [Sampler::new(SamplerKind::Sobol, 4), Sampler::new(SamplerKind::Sobol, 4).in_replicas()] {
+            for size in [8, 16, 32, 64] {
+                for (sample, dimension) in (0..48).zip(0..) {
+                    for group in 0..(MOST / size) as u32 {
+                        let mut drawn = vec![0; size];
+                        for member in 0..size as u32 {
+                            let (x, y) = pixel_of(sample, size, group, member);
+                            let (hash, index) = key(&sampler, size, [x + 8, y + 56], sample);
+                            let u: f32 = sampler.one::<f32>(Wrapping(hash), Wrapping(index), Wrapping(dimension));
+                            drawn[(u * size as f32) as usize] += 1;
+                        }
+                        assert!(drawn.iter().all(|&count| count == 1), "{size} {sample} {group}: {drawn:?}");
+                    }
+                }
             }
         }
     }

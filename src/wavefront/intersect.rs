@@ -44,7 +44,7 @@ impl Rays for PathRays<'_> {
     #[inline(always)]
     fn id(&self, i: usize) -> u32 {
         let paths = self.paths;
-        if self.blends { ray_id(paths.pixel_hash[i], paths.sample[i], paths.depth[i], 0) } else { 0 }
+        if self.blends { ray_id(paths.pixel_hash[i], paths.index[i], paths.depth[i], 0) } else { 0 }
     }
     fn coherent_from(&self) -> usize {
         self.camera

@@ -80,7 +80,7 @@ use crate::{
     bsdf::{Lambert, Opaque, Transmissive},
     film::{Tile, Unit},
     flat::{FlatScene, NONE, SceneNeeds, ShadingClass},
-    render::{LayerKind, RenderSettings, Sharing},
+    render::{LayerKind, RenderSettings, SamplerKind, Sharing},
     sampling::{FilterTable, Sampler, replica},
     simd::LANES,
 };
@@ -138,7 +138,12 @@ impl<'a> Job<'a> {
     /// For a scene and the user's settings.
     pub fn new(scene: &'a FlatScene, settings: &RenderSettings, unit: Unit) -> Self {
         let needs = scene.needs;
-        let sampler = Sampler::new(settings.sampler, settings.seed);
+        // What is said of the error takes blocks of pixels for independent.
+        let kind = match settings.sampler {
+            SamplerKind::BlueNoise if settings.is_adaptive() => SamplerKind::Sobol,
+            kind => kind,
+        };
+        let sampler = Sampler::new(kind, settings.seed).for_samples(settings.spp);
         let light_paths = LightPaths::new(scene, settings).map(Arc::new);
         Self {
             scene,

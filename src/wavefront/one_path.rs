@@ -87,10 +87,10 @@ fn trace<C: Coverage>(
     stacks: &mut Stacks,
 ) {
     let Job { scene, settings, lens, filter, sampler, .. } = job;
-    let pixel_hash = sampler.pixel_hash(x, y);
-    let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(sample), dimension);
-    let (mut hash, mut index) = (pixel_hash, sample);
-    let name = |depth, kind| if settings.blends { ray_id(pixel_hash, sample, depth, kind) } else { 0 };
+    let (pixel_hash, first) = sampler.of_pixel(x, y, sample);
+    let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(first), dimension);
+    let (mut hash, mut index) = (pixel_hash, first);
+    let name = |depth, kind| if settings.blends { ray_id(pixel_hash, first, depth, kind) } else { 0 };
     let u = pair(Integer::splat(dimensions::FILTER));
     let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
     let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);

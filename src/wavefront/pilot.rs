@@ -182,3 +182,47 @@ fn without_worst(mut numbers: Vec<f64>) -> f64 {
     numbers.sort_unstable_by(f64::total_cmp);
     numbers.iter().rev().skip(left_out).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Squares whose pixels differ between the halves by `alone` if nothing is shared, by `rest` if the first kind is, and by `kept`
+    /// more by the same paths if it is not.
+    fn squares(alone: f64, rest: f64, kept: f64, links: f64) -> Vec<Square> {
+        let between = |difference: f64| vec![[[1.0; 3], [1.0 + difference; 3]]; 64];
+        let mut excess = [[[0.0; 3]; KINDS]; 2];
+        excess[1][0] = [kept; 3];
+        let links = [64.0 * links, 0.0, 0.0];
+        let square = || Square {
+            totals: between(rest),
+            alone: between(alone),
+            excess: vec![excess; 64],
+            rays: 64.0 * 5.0,
+            links,
+        };
+        (0..4).map(|_| square()).collect()
+    }
+
+    /// Where three quarters of the variance go away by sharing among sixteen: the dearer links are, the fewer share.
+    #[test]
+    fn as_many_share_as_pays() {
+        let all = Shares::of(0b111, 16);
+        let chosen = |links: f64| choose(&squares(0.1, 0.05, 0.05, links), all, 0.35);
+        assert_eq!(chosen(0.1), Shares::of(1, 64));
+        assert_eq!(chosen(1.0), Shares::of(1, 32));
+        assert_eq!(chosen(20.0), Shares::of(1, 8));
+        assert_eq!(chosen(200.0).bits(), 0);
+        // What may not be shared is not.
+        assert_eq!(choose(&squares(0.1, 0.05, 0.05, 0.1), Shares::of(0b110, 16), 0.35).bits(), 0);
+    }
+
+    /// Paths with sequences of their own can be better than those that share show.
+    #[test]
+    fn paths_that_share_nothing_count_as_they_are() {
+        let chosen = |alone: f64| choose(&squares(alone, 0.05, 0.05, 4.0), Shares::of(1, 16), 0.35).bits();
+        assert_eq!([chosen(0.1), chosen(0.05)], [1, 0]);
+        // Nothing is gained by sharing what makes no difference.
+        assert_eq!(choose(&squares(0.1, 0.1, 0.0, 1.0), Shares::of(1, 16), 0.35).bits(), 0);
+    }
+}

@@ -242,10 +242,13 @@ impl Reuse {
     }
 
     /// Whether what such a surface reflects is of use to others.
+    ///
+    /// Black ones have no next ray: were they near vertices, the light of others would be shared with paths that never look for
+    /// any, and be lost beside every black lamp.
     #[inline(always)]
     pub fn takes_part<F: Real>(params: &Params<F>) -> F::Mask {
         let matt = params.specular.max(params.metallic).le(F::zero());
-        matt | params.alpha.ge(F::splat(LEAST_ALPHA))
+        (matt | params.alpha.ge(F::splat(LEAST_ALPHA))) & params.albedo().max_element().gt(F::zero())
     }
 
     /// Keeps the first surface of the path in `lane`; `goes_on` if its next ray is not of a delta.

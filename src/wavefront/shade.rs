@@ -448,7 +448,7 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
 fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut ShadowQueue, blends: bool) {
     let mut ray_id = [0; LANES];
     if blends {
-        ray_id = std::array::from_fn(|i| dimensions::ray_id(at.pixel_hash[i], at.sample[i], at.depth[i], 1));
+        ray_id = std::array::from_fn(|i| dimensions::ray_id(at.pixel_hash[i], at.index[i], at.depth[i], 1));
     }
     let block = ShadowBlock {
         ox: c.origin.x.to_array(),

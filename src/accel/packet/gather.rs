@@ -123,7 +123,7 @@ impl<const V: usize> Packet<V> {
         true
     }
 
-    /// [`to_local`](crate::accel::two_level::to_local), of all rays, with the same roundings; false if there they do not run side
+    /// [`Way::lead`](crate::accel::way::Way::lead), of all rays, with the same roundings; false if there they do not run side
     /// by side.
     pub fn to_local(&self, m: &[f32; 12], local: &mut Self) -> bool {
         let m = m.map(f32x8::splat);

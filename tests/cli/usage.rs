@@ -82,7 +82,6 @@ fn options_and_subcommands_to_come_are_not_accepted_in_silence() {
         "--shutter 0.1",
         "--layers bounces",
         "--layers lights",
-        "--layers error",
     ] {
         let run = line(&format!("render a.glb -o a.exr {option}")).expect(2);
         let named = option.split(' ').next_back().unwrap();

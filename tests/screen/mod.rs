@@ -33,8 +33,8 @@ fn errors(renderer: &Renderer, sampler: SamplerKind, spp: u32, truth: &[[f32; 3]
     [alone / seeds as f64, together / alone]
 }
 
-/// Pixels that touch err in opposite directions, so that blocks of them err by a third or less of what they otherwise would, and each
-/// pixel by as much as otherwise.
+/// Pixels that touch err in opposite directions, so that blocks of them err by half of what they otherwise would (mean squares) or less, and
+/// each pixel by as much as otherwise.
 #[test]
 fn blue_noise_leaves_neighbouring_pixels_to_make_up_for_one_another() {
     let mut renderer = Renderer::new();
@@ -46,7 +46,7 @@ fn blue_noise_leaves_neighbouring_pixels_to_make_up_for_one_another() {
         let [ordered, blue] = errors(&renderer, SamplerKind::BlueNoise, spp, &truth);
         println!("{spp} samples: errors {plain:.3e} and {ordered:.3e}, of blocks {white:.3} and {blue:.3}");
         assert!((0.8..1.25).contains(&white), "errors of pixels with sequences of their own are independent: {white}");
-        assert!(blue < 0.33 * white, "{spp} samples: {blue} of {white}");
+        assert!(blue < 0.5 * white, "{spp} samples: {blue} of {white}");
         assert!((0.8..1.25).contains(&(ordered / plain)), "{spp} samples: {ordered} of {plain}");
     }
 }

@@ -50,13 +50,16 @@ const WORTHWHILE: f64 = 0.9;
 /// Share of the pixels, the noisiest ones, that do not count.
 const LEFT_OUT: f64 = 0.002;
 
+/// Light of each kind of find, nit.
+type Finds = [[f64; 3]; KINDS];
+
 /// What was measured in a square.
 struct Square {
     /// By pixel and mean: what the pixel got by all kinds shared, and for each kind what it would get more if it were not.
     totals: Vec<[[f64; 3]; 2]>,
     /// What it got by paths that share nothing.
     alone: Vec<[[f64; 3]; 2]>,
-    excess: Vec<[[[f64; 3]; KINDS]; 2]>,
+    excess: Vec<[Finds; 2]>,
     rays: f64,
     links: [f64; KINDS],
 }
@@ -103,11 +106,7 @@ fn measure(worker: &mut Worker, job: &Job, settings: &RenderSettings, [x, y]: [u
 }
 
 /// Two means of [`MEAN_OF`] samples, by pixel, and what each kind of find adds to them if it is not shared.
-fn means(
-    worker: &mut Worker,
-    job: &Job,
-    settings: &RenderSettings,
-) -> (Vec<[[f64; 3]; 2]>, Vec<[[[f64; 3]; KINDS]; 2]>) {
+fn means(worker: &mut Worker, job: &Job, settings: &RenderSettings) -> (Vec<[[f64; 3]; 2]>, Vec<[Finds; 2]>) {
     let mut film = Film::new(settings, job.unit);
     let tile = &mut film.tiles[0];
     let pixels = tile.pixels();

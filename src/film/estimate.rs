@@ -62,7 +62,7 @@ impl Film {
     /// The difference between two replicas is weighed by what the other two say of the pixel: by what these two say, the
     /// pixels with the greatest errors, which are too bright, would count too little. But where the other two have not hit yet
     /// what these two have, such as the edge of a lamp, they would make it out to be dark, and a few such pixels count for more
-    /// than all others together. So these two have a share of [`OWN`] in it, by which it may rise to what the other two say of
+    /// than all others together. So these two have a share of 0.15 in it, by which it may rise to what the other two say of
     /// the pixels around. Symmetric errors of a mean have nothing to do with the difference, so that this costs nothing else.
     ///
     /// Replicas are independent in pictures that are rendered to an error. In others they are parts of one sequence, which

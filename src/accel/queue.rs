@@ -39,6 +39,13 @@ pub trait Rays {
     fn coherent_from(&self) -> usize {
         self.count()
     }
+
+    /// How many samples of a pixel there are among [these](Rays::coherent_from), if they come in eights of neighbouring
+    /// pixels, sample after sample of the same eight; or else 1.
+    #[inline(always)]
+    fn samples(&self) -> usize {
+        1
+    }
 }
 
 /// Rays of which all run [side by side](Rays::coherent_from).

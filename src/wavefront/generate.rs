@@ -161,12 +161,25 @@ impl Cursor {
         }
     }
 
+    /// Paths that should be in the same wave as the next one: those of the same pixels, if it is the first of so many samples.
+    fn together(&self, pixels: u32) -> usize {
+        let done = (self.sample - self.first) / self.step;
+        if self.pixel != self.block || !done.is_multiple_of(KEPT_TOGETHER) {
+            return 0;
+        }
+        let samples = (self.end - self.sample).div_ceil(self.step).min(KEPT_TOGETHER);
+        (samples * (self.next_block(pixels) - self.block)) as usize
+    }
+
     fn next_block(&self, pixels: u32) -> u32 {
         pixels.min(self.block + LANES as u32)
     }
 }
 
-/// Adds paths to the queue, which has room for them, until it holds `capacity` or the cursor is at its end.
+/// Samples of the same eight pixels that are not torn apart between two waves: what is traced together has no more.
+const KEPT_TOGETHER: u32 = 16;
+
+/// Adds paths to the queue, which has room for them, until it holds `capacity` or almost, or the cursor is at its end.
 pub fn generate(
     lens: &Lens,
     filter: &FilterTable,
@@ -180,6 +193,9 @@ pub fn generate(
     let [x0, y0, width, height] = tile;
     let pixels = width * height;
     while cursor.sample < cursor.end && paths.len() < capacity {
+        if !paths.is_empty() && paths.len() + cursor.together(pixels) > capacity {
+            break;
+        }
         let left = cursor.next_block(pixels) - cursor.pixel;
         let count = (left as usize).min(capacity - paths.len());
         blocks += Blocks::one(count as u32);

@@ -7,17 +7,17 @@ use super::{
 use crate::accel::{Accel, Coverage, Hit, Rays};
 
 /// Fills `hits` with the nearest hit of each row of `paths`; where something `blends`, rays are named. From row
-/// `camera` on they come from the camera, neighbours in the picture one after another.
+/// `camera` on they come from the camera: eight neighbours in the picture one after another, of these so many samples.
 pub fn intersect<C: Coverage>(
     accel: &Accel,
     paths: &PathQueue,
-    camera: usize,
+    (camera, samples): (usize, usize),
     blends: bool,
     coverage: &C,
     hits: &mut HitQueue,
 ) {
     hits.resize(paths.len());
-    accel.nearest_of(&PathRays { paths, camera, blends }, coverage, |row, hit| {
+    accel.nearest_of(&PathRays { paths, camera, samples, blends }, coverage, |row, hit| {
         let Hit { t, b1, b2, instance, triangle, back } = *hit;
         hits.set(row, HitRow { t, b1, b2, instance, triangle, back: u32::from(back) });
     });
@@ -27,6 +27,7 @@ pub fn intersect<C: Coverage>(
 struct PathRays<'a> {
     paths: &'a PathQueue,
     camera: usize,
+    samples: usize,
     blends: bool,
 }
 
@@ -46,7 +47,12 @@ impl Rays for PathRays<'_> {
         let paths = self.paths;
         if self.blends { ray_id(paths.pixel_hash[i], paths.index[i], paths.depth[i], 0) } else { 0 }
     }
+
     fn coherent_from(&self) -> usize {
         self.camera
+    }
+
+    fn samples(&self) -> usize {
+        self.samples
     }
 }

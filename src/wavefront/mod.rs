@@ -258,7 +258,8 @@ impl Worker {
                 break;
             }
             counters.time(Stage::Intersect, paths.len(), |_| {
-                intersect::intersect(&scene.accel, paths, before, settings.blends, coverage, hits);
+                let camera = (before, (to - from).div_ceil(step) as usize);
+                intersect::intersect(&scene.accel, paths, camera, settings.blends, coverage, hits);
             });
             counters.time(Stage::Sort, paths.len(), |_| {
                 sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);

@@ -1,8 +1,10 @@
 //! How rays become a packet, if they run side by side.
 
+use std::ops::Range;
+
 use wide::{f32x8, u32x8};
 
-use super::{Eight, Extremes, FROM_CAMERA, Packet, hits::Hits};
+use super::{Eight, Extremes, Packet, hits::Hits};
 use crate::{
     accel::{
         Coverage, Rays,
@@ -11,6 +13,49 @@ use crate::{
     },
     simd::LANES,
 };
+
+/// Which rays are in a packet. Those of one pixel run closer by one another than those of its neighbours, and share a vector
+/// if they can.
+#[derive(Clone, Copy, Debug)]
+pub struct Members {
+    /// Row of the first.
+    start: usize,
+    /// Rays of a pixel.
+    samples: usize,
+}
+
+impl Members {
+    /// Row of a lane's ray, which may be beyond the last.
+    #[inline(always)]
+    pub fn row(self, lane: usize) -> usize {
+        self.start + lane % self.samples * LANES + lane / self.samples
+    }
+
+    /// Packets of so many vectors, of all rays in `rows`, which come in eights; if so many `samples` are told of, each eight
+    /// is followed by others of the same pixels until there are as many of each.
+    #[inline(always)]
+    pub fn all<const V: usize>(rows: Range<usize>, samples: usize) -> impl Iterator<Item = Self> {
+        let (mut start, mut packet) = (rows.start, 0);
+        std::iter::from_fn(move || {
+            if start >= rows.end {
+                return None;
+            }
+            // As many of a pixel as there are, up to half a packet of four vectors: the eight pixels are shared out to four
+            // packets, or to two, or are in one.
+            let left = rows.end - start;
+            let shared_out = |&packets: &usize| samples.is_multiple_of(packets * V) && left >= packets * V * LANES;
+            let packets = [4, 2, 1].into_iter().find(shared_out);
+            let samples = packets.map_or(1, |packets| packets * V);
+            let packets = packets.unwrap_or(1);
+            let members = Self { start: start + packet * (LANES / packets), samples };
+            packet += 1;
+            if packet == packets {
+                (start, packet) = (start + packets * V * LANES, 0);
+            }
+            Some(members)
+        })
+    }
+}
 
 impl<const V: usize> Packet<V> {
     pub fn empty() -> Self {
@@ -27,26 +72,13 @@ impl<const V: usize> Packet<V> {
         }
     }
 
-    /// Lane of the packet's n-th ray. Rays of the camera come by eights, each of neighbouring pixels; those of the same pixels
-    /// run closer by one another, and are put into one vector.
+    /// Becomes that of some rays; false if they do not run side by side, and it is then of no use.
     #[inline(always)]
-    pub fn place(member: usize) -> usize {
-        if V != FROM_CAMERA {
-            return member;
-        }
-        let (sample, pixel) = (member / LANES, member % LANES);
-        let pixels = LANES / V;
-        pixel / pixels * LANES + sample * pixels + pixel % pixels
-    }
-
-    /// Becomes that of the rays from `start` on, the last of them several times over if they are too few; false if they do
-    /// not run side by side, and it is then of no use.
-    #[inline(always)]
-    pub fn gather<C: Coverage>(&mut self, rays: &impl Rays, start: usize) -> bool {
+    pub fn gather<C: Coverage>(&mut self, rays: &impl Rays, members: Members) -> bool {
         let last = rays.count() - 1;
         let mut columns = [[[0.0; LANES]; V]; 7];
-        for (member, lane) in (0..V * LANES).map(|member| (member, Self::place(member))) {
-            let (origin, direction, t_max) = rays.ray((start + member).min(last));
+        for lane in 0..V * LANES {
+            let (origin, direction, t_max) = rays.ray(members.row(lane).min(last));
             let [ox, oy, oz] = origin;
             let [dx, dy, dz] = direction;
             for (column, value) in columns.iter_mut().zip([ox, oy, oz, dx, dy, dz, t_max]) {
@@ -58,8 +90,8 @@ impl<const V: usize> Packet<V> {
             eight.hits = Hits::none(t_max);
         }
         if !C::TRIVIAL {
-            for (member, lane) in (0..V * LANES).map(|member| (member, Self::place(member))) {
-                self.eights[lane / LANES].ids[lane % LANES] = rays.id((start + member).min(last));
+            for lane in 0..V * LANES {
+                self.eights[lane / LANES].ids[lane % LANES] = rays.id(members.row(lane).min(last));
             }
         }
         self.prepare(&[0, 1, 2].map(vectors), &[3, 4, 5].map(vectors))

@@ -19,7 +19,10 @@ use std::cell::Cell;
 
 use wide::{f32x8, u16x8, u32x8};
 
-use self::{gather::greatest, hits::Hits};
+use self::{
+    gather::{Members, greatest},
+    hits::Hits,
+};
 use super::{
     Coverage, Rays,
     arena::Granule,
@@ -357,12 +360,10 @@ impl<const V: usize> Packet<V> {
         });
     }
 
-    /// What each ray hit.
+    /// What each lane's ray hit.
     fn report(&self, mut done: impl FnMut(usize, &Hit)) {
-        let hits: [_; V] = std::array::from_fn(|vector| self.eights[vector].hits.each());
-        for member in 0..V * LANES {
-            let lane = Self::place(member);
-            done(member, &hits[lane / LANES][lane % LANES]);
+        for (vector, eight) in self.eights.iter().enumerate() {
+            eight.hits.each().iter().enumerate().for_each(|(lane, hit)| done(vector * LANES + lane, hit));
         }
     }
 }
@@ -468,19 +469,21 @@ fn trace_packets<const V: usize, const ANY: bool, C: Coverage>(
     done: &mut impl FnMut(usize, &Hit),
 ) {
     let count = rays.count();
-    for start in (rays.coherent_from()..count).step_by(V * LANES) {
-        let rows = start..count.min(start + V * LANES);
-        if packet.gather::<C>(rays, start) {
+    let each = |members: Members| (0..V * LANES).map(move |lane| members.row(lane)).filter(move |&row| row < count);
+    let samples = if ANY { 1 } else { rays.samples() };
+    for members in Members::all::<V>(rays.coherent_from()..count, samples) {
+        if packet.gather::<C>(rays, members) {
             #[cfg(test)]
-            tests::TOGETHER.set(tests::TOGETHER.get() + rows.len() as u64);
+            tests::TOGETHER.set(tests::TOGETHER.get() + each(members).count() as u64);
             packet.trace::<ANY, C>(world, local, (top, mesh), alone, counters);
             packet.report(|lane, hit| {
-                if start + lane < rows.end {
-                    done(start + lane, hit);
+                let row = members.row(lane);
+                if row < count {
+                    done(row, hit);
                 }
             });
         } else {
-            after.extend(rows.map(|row| row as u32));
+            after.extend(each(members).map(|row| row as u32));
         }
     }
 }

@@ -84,8 +84,8 @@ fn scenes() -> Vec<Accel> {
     scenes.into_iter().map(Accel::build).collect()
 }
 
-/// A wave of which the rays from `from` on are said to run side by side.
-struct From<'a>(&'a Wave, usize);
+/// A wave of which the rays from some row on are said to run side by side, and to be so many samples of their pixels.
+struct From<'a>(&'a Wave, usize, usize);
 
 impl Rays for From<'_> {
     fn count(&self) -> usize {
@@ -100,22 +100,28 @@ impl Rays for From<'_> {
     fn coherent_from(&self) -> usize {
         self.1
     }
+    fn samples(&self) -> usize {
+        self.2
+    }
 }
 
 /// The wave finds, bit for bit, what the queue finds. Returns how many rays hit something.
 #[track_caller]
 fn check<C: Coverage>(accel: &Accel, wave: &Wave, from: usize, coverage: &C) -> usize {
-    let (mut want, mut got) = (vec![None; wave.count()], vec![None; wave.count()]);
+    let mut want = vec![None; wave.count()];
     accel.nearest_of(wave, coverage, |index, hit| want[index] = Some(*hit));
-    accel.nearest_of(&From(wave, from), coverage, |index, hit| {
-        assert!(got[index].replace(*hit).is_none(), "twice");
-    });
     let bits = |hit: &Option<Hit>| hit.map(|hit| (hit, [hit.t, hit.b1, hit.b2].map(f32::to_bits)));
-    for index in 0..wave.count() {
-        assert_eq!(bits(&got[index]), bits(&want[index]), "ray {index}: {:?}", wave.ray(index));
+    for samples in [1, 4, 8, 16] {
+        let mut got = vec![None; wave.count()];
+        accel.nearest_of(&From(wave, from, samples), coverage, |index, hit| {
+            assert!(got[index].replace(*hit).is_none(), "twice");
+        });
+        for index in 0..wave.count() {
+            assert_eq!(bits(&got[index]), bits(&want[index]), "ray {index}: {:?}", wave.ray(index));
+        }
     }
     let mut dark = vec![None; wave.count()];
-    accel.occluded_of(&From(wave, from), coverage, |index, occluded| {
+    accel.occluded_of(&From(wave, from, 1), coverage, |index, occluded| {
         assert!(dark[index].replace(occluded).is_none(), "twice");
     });
     for (index, hit) in want.iter().enumerate() {
@@ -124,11 +130,29 @@ fn check<C: Coverage>(accel: &Accel, wave: &Wave, from: usize, coverage: &C) -> 
     want.iter().flatten().filter(|hit| **hit != NO_HIT).count()
 }
 
-/// Rays of a packet.
-const RAYS: usize = FROM_CAMERA * LANES;
+/// Of 1,000 rays, of which some do not fill a packet, each is in one; those of a pixel are in as few vectors as can be.
+#[test]
+fn every_ray_is_in_one_packet() {
+    for (samples, pixels) in [(1, 8), (4, 2), (12, 2), (8, 1), (24, 1), (16, 1), (32, 1)] {
+        let mut packets = vec![0; 1000];
+        for members in Members::all::<FROM_CAMERA>(7..1000, samples) {
+            for vector in 0..FROM_CAMERA {
+                let rows = (0..LANES).map(|lane| members.row(vector * LANES + lane));
+                let mut seen: Vec<usize> = rows.clone().map(|row| (row - 7) % 8).collect();
+                seen.sort_unstable();
+                seen.dedup();
+                // The last few are what is left.
+                assert!(seen.len() == pixels || rows.clone().max() >= Some(1000 - 128), "{samples}: {seen:?}");
+                rows.filter(|&row| row < 1000).for_each(|row| packets[row] += 1);
+            }
+        }
+        assert!(packets.iter().enumerate().all(|(row, &packets)| packets == usize::from(row >= 7)), "{samples}");
+    }
+}
 
 fn packets(rays: &impl Rays) -> usize {
-    (0..rays.count()).step_by(RAYS).filter(|&start| Packet::<FROM_CAMERA>::empty().gather::<Solid>(rays, start)).count()
+    let all = Members::all::<FROM_CAMERA>(0..rays.count(), 1);
+    all.filter(|&members| Packet::<FROM_CAMERA>::empty().gather::<Solid>(rays, members)).count()
 }
 
 const EYES: [[f32; 3]; 4] = [[-6.0, 4.0, -9.0], [2.5, 2.0, 2.6], [11.0, 7.5, 1.0], [1.0, -9.0, 3.0]];
@@ -227,15 +251,15 @@ fn bounds_hold_for_every_ray() {
     }
     let mut tight = 0;
     for rays in EYES.map(|eye| Wave(tiles(eye, 64, 0.7))).into_iter().chain([Wave(orthographic(0, 1.0))]) {
-        for start in (0..rays.count()).step_by(RAYS) {
+        for members in Members::all::<FROM_CAMERA>(0..rays.count(), 1) {
             let mut packet = Packet::<FROM_CAMERA>::empty();
-            if !packet.gather::<Solid>(&rays, start) {
+            if !packet.gather::<Solid>(&rays, members) {
                 continue;
             }
             for node in nodes.iter().map(|&node| Node::at(arena, node)) {
                 let (from, to) = packet.distances(node);
                 tight += from.simd_gt(to).to_bitmask().count_ones();
-                for (origin, direction, t_max) in (start..start + RAYS).map(|row| rays.ray(row)) {
+                for (origin, direction, t_max) in (0..FROM_CAMERA * LANES).map(|lane| rays.ray(members.row(lane))) {
                     let (near, far) = node.distances(&Ray::new(origin, direction), t_max * (BEYOND / FAR_SCALE));
                     let inside = from.simd_le(near) & far.simd_le(to);
                     assert_eq!((near.simd_le(far) & !inside).to_bitmask() & 255, 0);

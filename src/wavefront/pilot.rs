@@ -75,6 +75,7 @@ pub fn plan(job: &Job, settings: &RenderSettings) -> Shares {
     let count = SQUARES.min(all.div_ceil(ONE_OF));
     let squares: Vec<Square> = (0..count)
         .into_par_iter()
+        .with_max_len(2)
         .map_init(Worker::default, |worker, i| {
             // Every so many of a walk through all squares that does not line up with rows.
             let at = (u64::from(i) * u64::from(all) / u64::from(count)) as u32;

@@ -141,10 +141,12 @@ impl<R: Run> Passes<'_, R> {
     }
 
     /// Adds the samples `from..to` to all tiles.
+    ///
+    /// One by one: of what a thread has taken several at a time, another that is done cannot take any.
     fn pass(&self, film: &mut Film, from: u32, to: u32) {
         let Film { tiles, splats, .. } = film;
         let mut of_tiles = || {
-            tiles.par_iter_mut().for_each(|tile| {
+            tiles.par_iter_mut().with_max_len(1).for_each(|tile| {
                 if !self.watcher.cancelled() {
                     self.add(tile, from, to, 1);
                 }
@@ -167,7 +169,7 @@ impl<R: Run> Passes<'_, R> {
             }
             let samples = first..first.saturating_add(together).min(to);
             let chunks = count.div_ceil(light_paths::CHUNK);
-            (0..chunks * samples.len() as u32).into_par_iter().for_each(|chunk| {
+            (0..chunks * samples.len() as u32).into_par_iter().with_max_len(1).for_each(|chunk| {
                 let (sample, start) = (samples.start + chunk / chunks, chunk % chunks * light_paths::CHUNK);
                 let mut worker = self.workers.lock().expect("no worker panics holding it").pop().unwrap_or_default();
                 let Worker { light, counters, .. } = &mut worker;
@@ -212,7 +214,7 @@ impl<R: Run> Passes<'_, R> {
         let scattered = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9);
         let mut order: Vec<_> = film.tiles.iter_mut().enumerate().map(|(i, tile)| (scattered(i), tile)).collect();
         order.sort_unstable_by_key(|(key, _)| *key);
-        order.into_par_iter().for_each(|(_, tile)| {
+        order.into_par_iter().with_max_len(1).for_each(|(_, tile)| {
             if !self.watcher.cancelled() && !self.watcher.late() {
                 self.add(tile, sample, sample + 1, 1);
             }
@@ -280,7 +282,7 @@ impl<R: Run> Passes<'_, R> {
 
     /// Brings the even and odd replicas of each tile to so many samples, or as far as the time goes.
     fn round(&self, film: &mut Film, counts: &[[u32; 2]]) {
-        film.tiles.par_iter_mut().zip(counts).for_each(|(tile, counts)| {
+        film.tiles.par_iter_mut().zip(counts).with_max_len(1).for_each(|(tile, counts)| {
             for (half, &end) in counts.iter().enumerate() {
                 let mut next = tile.samples[half] + tile.samples[half + 2];
                 while next < end && !self.watcher.cancelled() && !self.watcher.late() {

@@ -100,8 +100,8 @@ thread_local! {
     static STACKS: Cell<Vec<Stack>> = const { Cell::new(Vec::new()) };
 }
 
-/// Slots in need of each kind of step, a bit for each slot: nodes, leaves, instances, shapes, rays that leave a mesh or are
-/// done, by the upper three bits of a reference; and rays whose next subtree lies beyond what they have hit.
+/// Slots in need of each kind of step, a bit for each slot: nodes, leaves, instances, shapes, rays that leave a mesh, rays
+/// that are done, by the upper three bits of a reference; and rays whose next subtree lies beyond what they have hit.
 ///
 /// Bits, because the next slot is then known without a look at memory that a step before it may have written; and all in
 /// one register, because where in memory a step adds to them is known only at its end, and until then the steps behind it
@@ -175,34 +175,29 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         drain!((LEAF >> 29) as usize, |slot| {
             counters.triangles(LANES);
             counters.lanes(|| slot.leaf::<TriangleBlock>().count());
-            let kind = slot.test::<ANY, C, TriangleBlock>(accel, coverage);
-            slot.leave_if_told::<ANY>(kind, accel)
+            slot.test::<ANY, C, TriangleBlock>(accel, coverage)
         });
         drain!(((LEAF | QUAD) >> 29) as usize, |slot| {
             counters.triangles(LANES);
             counters.lanes(|| slot.leaf::<TriangleQuad>().count());
-            let kind = slot.test::<ANY, C, TriangleQuad>(accel, coverage);
-            slot.leave_if_told::<ANY>(kind, accel)
+            slot.test::<ANY, C, TriangleQuad>(accel, coverage)
         });
         drain!((INSTANCE >> 29) as usize, |slot| {
             slot.enter(accel);
             (slot.current >> 29) as usize
         });
         drain!((SHAPE >> 29) as usize, |slot| slot.meet::<ANY, C>(accel, coverage));
+        drain!((LEAVE >> 29) as usize, |slot| slot.leave::<ANY>(accel));
         drain!(7, |slot| {
-            if slot.current == LEAVE {
-                slot.leave::<ANY>(accel)
-            } else {
-                let best = slot.best;
-                done(slot.index as usize, &if ANY { best } else { accel.merged.named(best) });
-                if next == count {
-                    under_way -= 1;
-                    continue;
-                }
-                slot.begin::<ANY, C>(accel, next, rays, coverage);
-                next += 1;
-                (slot.current >> 29) as usize
+            let best = slot.best;
+            done(slot.index as usize, &if ANY { best } else { accel.merged.named(best) });
+            if next == count {
+                under_way -= 1;
+                continue;
             }
+            slot.begin::<ANY, C>(accel, next, rays, coverage);
+            next += 1;
+            (slot.current >> 29) as usize
         });
     }
     STACKS.set(stacks);

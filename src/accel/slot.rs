@@ -26,7 +26,7 @@ use crate::{
 /// Subtrees that a slot can put off; rays through a deeper tree are followed one by one.
 pub(super) const STACK: usize = 240;
 /// The slot's ray goes back to the top level.
-pub(super) const LEAVE: u32 = u32::MAX - 1;
+pub(super) const LEAVE: u32 = DONE & !QUAD;
 /// Nothing is left to visit.
 const DONE: u32 = u32::MAX;
 /// How much farther than it is the nearest hit counts when subtrees are passed by: their distance carries a lane in its

@@ -152,9 +152,13 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         }
     }
     let mut under_way = next;
+    // Which slots are next is read one queue ahead: what the steps before it decide is then known, where it would otherwise
+    // be waited for with nothing else to do.
+    let mut ahead = 0;
     macro_rules! drain {
-        ($kind:expr, |$slot:ident| $step:expr) => {
-            let mut waiting = queues.take::<{ $kind }>();
+        ($next:expr, |$slot:ident| $step:expr) => {
+            let mut waiting = ahead;
+            ahead = queues.take::<{ $next as usize }>();
             while waiting != 0 {
                 let row = waiting.trailing_zeros() as usize % IN_FLIGHT;
                 let bit = waiting & waiting.wrapping_neg();
@@ -166,29 +170,29 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
         };
     }
     while under_way > 0 {
-        drain!(0, |slot| {
+        drain!(POP, |slot| {
             counters.node();
             counters.lanes(|| Node::at(slot.arena, slot.current).boxes().count());
             slot.descend::<ANY>()
         });
-        drain!(POP, |slot| slot.pop::<ANY>());
-        drain!((LEAF >> 29) as usize, |slot| {
+        drain!(LEAF >> 29, |slot| slot.pop::<ANY>());
+        drain!((LEAF | QUAD) >> 29, |slot| {
             counters.triangles(LANES);
             counters.lanes(|| slot.leaf::<TriangleBlock>().count());
             slot.test::<ANY, C, TriangleBlock>(accel, coverage)
         });
-        drain!(((LEAF | QUAD) >> 29) as usize, |slot| {
+        drain!(INSTANCE >> 29, |slot| {
             counters.triangles(LANES);
             counters.lanes(|| slot.leaf::<TriangleQuad>().count());
             slot.test::<ANY, C, TriangleQuad>(accel, coverage)
         });
-        drain!((INSTANCE >> 29) as usize, |slot| {
+        drain!(SHAPE >> 29, |slot| {
             slot.enter(accel);
             (slot.current >> 29) as usize
         });
-        drain!((SHAPE >> 29) as usize, |slot| slot.meet::<ANY, C>(accel, coverage));
-        drain!((LEAVE >> 29) as usize, |slot| slot.leave::<ANY>(accel));
-        drain!(7, |slot| {
+        drain!(LEAVE >> 29, |slot| slot.meet::<ANY, C>(accel, coverage));
+        drain!(7, |slot| slot.leave::<ANY>(accel));
+        drain!(0, |slot| {
             let best = slot.best;
             done(slot.index as usize, &if ANY { best } else { accel.merged.named(best) });
             if next == count {

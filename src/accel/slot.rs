@@ -354,18 +354,11 @@ impl<'a> Slot<'a> {
         }
     }
 
-    /// [`Slot::leave`] if that is next: so soon after a leaf it often is.
-    #[inline(always)]
-    pub fn leave_if_told<const ANY: bool>(&mut self, kind: usize, accel: &'a Accel) -> usize {
-        if self.current == LEAVE { self.leave::<ANY>(accel) } else { kind }
-    }
-
     /// Goes back to the top level.
     #[inline(always)]
     pub fn leave<const ANY: bool>(&mut self, accel: &'a Accel) -> usize {
-        if !accel.instances[self.instance as usize].identity {
-            self.ray = self.world;
-        }
+        // Also where it is the same: a branch that cannot be guessed takes longer.
+        self.ray = self.world;
         self.arena = accel.tree.arena.granules();
         self.pop::<ANY>()
     }

@@ -1,6 +1,10 @@
 //! No structure at all: every triangle is tested. Slow, and right by inspection.
 
-use super::{Counters, Nearest, Ray, Structure, TriangleHit, intersect, slab, triangle::has_area};
+use super::{
+    Counters, Nearest, Ray, Structure, TriangleHit, intersect, slab,
+    space::{Bounds, blurred},
+    triangle::has_area,
+};
 
 /// All triangles of a mesh with their rows.
 #[derive(Clone, Debug, Default)]
@@ -13,9 +17,7 @@ pub struct Brute(Vec<(u32, [[f32; 3]; 3])>);
 /// there is rounding, whose signs may agree.
 fn met(ray: &Ray, corners: &[[f32; 3]; 3], t_max: f32) -> Option<TriangleHit> {
     let hit = intersect(ray, corners, t_max)?;
-    let [a, b, c] = corners;
-    let lower = std::array::from_fn(|axis| a[axis].min(b[axis]).min(c[axis]));
-    let upper = std::array::from_fn(|axis| a[axis].max(b[axis]).max(c[axis]));
+    let Bounds { lower, upper } = blurred(corners, 0.0);
     let (near, far) = slab::distances(lower, upper, ray, f32::INFINITY);
     (near <= far).then_some(hit)
 }

@@ -153,7 +153,7 @@ pub(super) fn trace<const ANY: bool, C: Coverage>(
     }
     let mut under_way = next;
     // Which slots are next is read one queue ahead: what the steps before it decide is then known, where it would otherwise
-    // be waited for with nothing else to do.
+    // be waited for with nothing else to do. So what each of these names is the queue after its own.
     let mut ahead = 0;
     macro_rules! drain {
         ($next:expr, |$slot:ident| $step:expr) => {

@@ -4,7 +4,7 @@ use std::{ops::Range, path::PathBuf, time::Duration};
 
 use clap::ValueEnum;
 use wavecast::{
-    film::{Exposure, ToneMap, WriteOptions},
+    film::{Exposure, Split, ToneMap, WriteOptions},
     render::{LayerKind, PixelFilter, SamplerKind},
 };
 
@@ -212,6 +212,19 @@ pub enum LayerArg {
     Samples,
     /// Standard error of the pixel, nit
     Error,
+    /// Light by the scatterings behind it: bounce00 is E, bounce01 is KE, …; these and all below with the standard error
+    /// of each, and they add up to the picture
+    Bounces,
+    /// Light by the entity that sent it off: light.NAME
+    Lights,
+    /// E + KE as direct, all else as indirect
+    Direct,
+    /// By both: light.NAME.bounce00, …
+    #[value(name = "lights.bounces")]
+    LightsByBounces,
+    /// By both: light.NAME.direct and light.NAME.indirect
+    #[value(name = "lights.direct")]
+    LightsByDirect,
 }
 
 impl From<LayerArg> for LayerKind {
@@ -226,6 +239,11 @@ impl From<LayerArg> for LayerKind {
             LayerArg::MaterialId => Self::MaterialId,
             LayerArg::Samples => Self::SampleCount,
             LayerArg::Error => Self::Error,
+            LayerArg::Bounces => Self::Light(Split::Bounces),
+            LayerArg::Lights => Self::Light(Split::Lights),
+            LayerArg::Direct => Self::Light(Split::Direct),
+            LayerArg::LightsByBounces => Self::Light(Split::LightsByBounces),
+            LayerArg::LightsByDirect => Self::Light(Split::LightsByDirect),
         }
     }
 }

@@ -11,7 +11,7 @@ use wavecast::{
     film::{self, Exposure, Format},
     flat::CameraView,
     load::{self, CameraInfo, LoadOptions},
-    render::{RenderSettings, Renderer, Sharing},
+    render::{RenderSettings, Renderer, Sharing, name_lights},
     world::{Camera, Environment, Name, Scene, SceneKey, Sky},
 };
 
@@ -162,6 +162,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
 
     let write_start = Instant::now();
     rendered.picture.metadata = metadata(&args, &settings, rendered.stats.spp);
+    name_lights(&mut rendered.picture, scene);
     for path in &args.output {
         film::write(path, &rendered.picture, &args.display.options(Exposure::default()))?;
     }

@@ -111,7 +111,7 @@ impl Film {
     fn needs(&self, half: usize) -> Vec<Need> {
         // What decides about a half comes from the other.
         let pair = [1 - half, 3 - half];
-        let mean = |tile: &Tile, pixel: usize| pair.map(|replica| self.replica_mean(tile, pixel, replica));
+        let mean = |tile: &Tile, pixel: usize| pair.map(|replica| self.replica_mean(tile, None, pixel, replica));
         let total: f64 = self
             .tiles
             .par_iter()

@@ -71,7 +71,7 @@ impl Film {
         if self.tiles.iter().any(|tile| tile.samples.contains(&0)) {
             return None;
         }
-        let mean = self.mean();
+        let mean = self.mean(None);
         let floor = 0.01 * (mean.iter().map(|channel| channel.value).sum::<f64>() / 3.0).powi(2);
         let by_tile: Vec<Vec<Block>> =
             self.tiles.par_iter().enumerate().map(|(row, tile)| self.block_errors(row, tile, floor)).collect();
@@ -93,14 +93,14 @@ impl Film {
         Some(PictureError { relmse: error / values, upper95: upper / values, mean })
     }
 
-    /// Means over the pixels, each with the variance that the blocks' replicas show.
-    fn mean(&self) -> [Estimate; 3] {
+    /// Means over the pixels of all light or of a part of it, each with the variance that the blocks' replicas show.
+    pub fn mean(&self, part: Option<usize>) -> [Estimate; 3] {
         let sums: Vec<Vec<[Estimate; 3]>> = self
             .tiles
             .par_iter()
             .enumerate()
             .map(|(row, tile)| {
-                let means = self.means_of(row, tile);
+                let means = self.means_of(row, tile, part);
                 let block = |pixels: &Vec<usize>| {
                     let sums: [[f64; 3]; REPLICAS] = std::array::from_fn(|replica| {
                         pixels.iter().fold([0.0; 3], |sum, &pixel| {
@@ -128,10 +128,15 @@ impl Film {
         Estimate { value, ..Estimate::of(means) }
     }
 
-    /// By pixel, how far the mean is from what it would converge to, as a standard deviation, nit; infinite while a replica
+    /// By pixel, how far the mean of all light or of a part of it is from what it would converge to, as a standard deviation, nit; infinite while a replica
     /// has no sample.
-    pub(super) fn standard_errors<'a>(&'a self, row: usize, tile: &'a Tile) -> impl Fn(usize) -> [f32; 3] + 'a {
-        let means = self.means_of(row, tile);
+    pub(super) fn standard_errors<'a>(
+        &'a self,
+        row: usize,
+        tile: &'a Tile,
+        part: Option<usize>,
+    ) -> impl Fn(usize) -> [f32; 3] + 'a {
+        let means = self.means_of(row, tile, part);
         move |pixel| {
             if tile.samples.contains(&0) {
                 return [f32::INFINITY; 3];
@@ -141,19 +146,24 @@ impl Film {
         }
     }
 
-    /// By pixel and replica, means with all light in them.
-    fn means_of<'a>(&'a self, row: usize, tile: &'a Tile) -> impl Fn(usize, usize) -> [f64; 3] + 'a {
-        let splatted = self.splatted(row);
+    /// By pixel and replica, means of all light or of a part of it, splats included.
+    fn means_of<'a>(
+        &'a self,
+        row: usize,
+        tile: &'a Tile,
+        part: Option<usize>,
+    ) -> impl Fn(usize, usize) -> [f64; 3] + 'a {
+        let splatted = self.splatted(row, part);
         move |pixel, replica| {
-            let mean = self.replica_mean(tile, pixel, replica);
+            let mean = self.replica_mean(tile, part, pixel, replica);
             std::array::from_fn(|c| mean[c] + splatted(pixel, c)[replica])
         }
     }
 
     /// The mean of a pixel over the samples of one replica, but for splats.
-    pub(super) fn replica_mean(&self, tile: &Tile, pixel: usize, replica: usize) -> [f64; 3] {
+    pub(super) fn replica_mean(&self, tile: &Tile, part: Option<usize>, pixel: usize, replica: usize) -> [f64; 3] {
         let scale = self.unit.value(1) / f64::from(tile.samples[replica]);
-        tile.replicas[replica].0[pixel].map(|sum| sum as f64 * scale)
+        tile.sums(part)[replica].0[pixel].map(|sum| sum as f64 * scale)
     }
 
     /// The pixels of each block that were asked for.
@@ -169,7 +179,7 @@ impl Film {
     }
 
     fn block_errors(&self, row: usize, tile: &Tile, floor: f64) -> Vec<Block> {
-        let means = self.means_of(row, tile);
+        let means = self.means_of(row, tile, None);
         let pairings = if self.adaptive { &PAIRINGS[..1] } else { &PAIRINGS[..] };
         let weights = tile.weights(self.adaptive);
         let all: Vec<[[f64; 3]; REPLICAS]> =

@@ -14,6 +14,7 @@ mod picture;
 mod png;
 mod read;
 mod splats;
+mod splits;
 mod sums;
 mod tiles;
 mod tonemap;
@@ -26,6 +27,7 @@ pub use self::{
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
     splats::{Splat, Splats},
+    splits::{Label, Split, Splits},
     sums::{Sums, Unit},
     tiles::{BLOCK, Film, Tile},
     tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},

@@ -5,7 +5,7 @@ use std::sync::{
     atomic::{AtomicU32, AtomicU64, Ordering},
 };
 
-use super::{Sums, Tile, Unit};
+use super::{Label, Splits, Sums, Tile, Unit};
 use crate::sampling::{REPLICAS, replica};
 
 /// Light for a pixel.
@@ -17,6 +17,16 @@ pub struct Splat {
     pub slot: u32,
     /// Nit, for one sample of the whole film.
     pub light: [f32; 3],
+    /// What light it is.
+    pub label: Label,
+}
+
+/// Sums by the sample's replica.
+#[derive(Debug)]
+struct OfTile {
+    all: [Sums; REPLICAS],
+    /// Layer by layer of the splits.
+    parts: Vec<[Sums; REPLICAS]>,
 }
 
 /// Sums of such light, with a count of samples of their own.
@@ -29,28 +39,32 @@ pub struct Splats {
     /// Edge of a tile, pixels.
     pub edge: u32,
     unit: Unit,
-    /// By tile, the sums by the sample's replica.
-    tiles: Vec<Mutex<[Sums; REPLICAS]>>,
+    splits: Splits,
+    tiles: Vec<Mutex<OfTile>>,
     samples: [AtomicU32; REPLICAS],
     discarded: AtomicU64,
 }
 
 impl Splats {
     /// Black, for a film's tiles.
-    pub fn new(tiles: &[Tile], unit: Unit) -> Self {
+    pub fn new(tiles: &[Tile], unit: Unit, splits: Splits) -> Self {
         let first = tiles.first().map_or([0; 4], |tile| [tile.x, tile.y, tile.width, tile.height]);
         let [mut x1, mut y1] = [first[0], first[1]];
         for tile in tiles {
             (x1, y1) = (x1.max(tile.x + tile.width), y1.max(tile.y + tile.height));
         }
         let [x0, y0, width, height] = first;
-        let sums = |tile: &Tile| Mutex::new(std::array::from_fn(|_| Sums::new(tile.pixels())));
+        let sums = |tile: &Tile| {
+            let black: [Sums; REPLICAS] = std::array::from_fn(|_| Sums::new(tile.pixels()));
+            Mutex::new(OfTile { parts: vec![black.clone(); splits.layers()], all: black })
+        };
         Self {
             window: [x0, y0, x1 - x0, y1 - y0],
             // If there is but one tile in a row or column it may be smaller than the others would be.
             edge: width.max(height).max(1),
             unit,
             tiles: tiles.iter().map(sums).collect(),
+            splits,
             samples: [const { AtomicU32::new(0) }; REPLICAS],
             discarded: AtomicU64::new(0),
         }
@@ -76,7 +90,14 @@ impl Splats {
         for of_tile in splats.chunk_by(|a, b| a.tile == b.tile) {
             let mut sums = self.tiles[of_tile[0].tile as usize].lock().unwrap_or_else(PoisonError::into_inner);
             for splat in of_tile {
-                discarded += u64::from(!sums[replica(sample)].add(self.unit, splat.slot as usize, splat.light));
+                let (replica, pixel) = (replica(sample), splat.slot as usize);
+                let added = sums.all[replica].add(self.unit, pixel, splat.light);
+                discarded += u64::from(!added);
+                if added {
+                    self.splits.of(splat.label).for_each(|part| {
+                        sums.parts[part][replica].add(self.unit, pixel, splat.light);
+                    });
+                }
             }
         }
         self.discarded.fetch_add(discarded, Ordering::Relaxed);
@@ -98,8 +119,9 @@ impl Splats {
         self.samples.each_ref().map(|samples| samples.load(Ordering::Relaxed))
     }
 
-    /// The sums of a tile.
-    pub fn tile(&self, tile: usize) -> [Sums; REPLICAS] {
-        self.tiles[tile].lock().unwrap_or_else(PoisonError::into_inner).clone()
+    /// The sums of a tile, of all light or of a part of it.
+    pub fn tile(&self, tile: usize, part: Option<usize>) -> [Sums; REPLICAS] {
+        let sums = self.tiles[tile].lock().unwrap_or_else(PoisonError::into_inner);
+        part.map_or(&sums.all, |part| &sums.parts[part]).clone()
     }
 }

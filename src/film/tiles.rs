@@ -1,6 +1,6 @@
 //! The film as tiles, each owned by one worker at a time, and its resolution to a picture.
 
-use super::{Layer, LayerData, Picture, Splats, Sums, Unit};
+use super::{Layer, LayerData, Picture, Splats, Split, Splits, Sums, Unit};
 use crate::{
     render::{LayerKind, RenderSettings},
     sampling::REPLICAS,
@@ -26,6 +26,8 @@ pub struct Tile {
     pub samples: [u32; REPLICAS],
     /// Light by replica, whose spread shows the error.
     pub replicas: [Sums; REPLICAS],
+    /// The same light by its parts, layer by layer of the film's splits.
+    pub parts: Vec<[Sums; REPLICAS]>,
     /// Camera rays that met something, where coverage is asked for.
     pub covered: Vec<u32>,
     /// Sums of each layer, in the order of the settings.
@@ -38,6 +40,11 @@ impl Tile {
     /// Pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
+    }
+
+    /// The sums of all light, or of a part of it.
+    pub fn sums(&self, part: Option<usize>) -> &[Sums; REPLICAS] {
+        part.map_or(&self.replicas, |part| &self.parts[part])
     }
 
     /// All light that fell on a pixel so far, in steps of the film's unit.
@@ -71,6 +78,10 @@ pub struct Film {
     pub tiles: Vec<Tile>,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
+    /// Layers that the light is split into.
+    pub splits: Splits,
+    /// Names of the lights that it may be split by.
+    pub lights: Vec<String>,
     /// True if coverage is kept.
     pub transparent: bool,
     /// True if blocks, which are then a tile each, get samples by their error.
@@ -102,6 +113,7 @@ impl Film {
                     height: h,
                     samples: [0; REPLICAS],
                     replicas: std::array::from_fn(|_| Sums::new(pixels)),
+                    parts: Vec::new(),
                     covered: zeros(settings.transparent),
                     layers: settings
                         .layers
@@ -113,17 +125,27 @@ impl Film {
             }
         }
         let (layers, transparent) = (settings.layers.clone(), settings.transparent);
-        Self { window, unit, tiles, layers, transparent, adaptive, splats: None }
+        let (splits, lights) = (Splits::default(), Vec::new());
+        Self { window, unit, tiles, layers, splits, lights, transparent, adaptive, splats: None }
+    }
+
+    /// Keeps the light apart that `splits` tells apart, of lights with such names. Before any light falls on it.
+    pub fn split(&mut self, splits: Splits, lights: Vec<String>) {
+        for tile in &mut self.tiles {
+            let part = std::array::from_fn(|_| Sums::new(tile.pixels()));
+            tile.parts = vec![part; splits.layers()];
+        }
+        (self.splits, self.lights) = (splits, lights);
     }
 
     /// Makes room for light that falls anywhere.
     pub fn keep_splats(&mut self) {
-        self.splats = Some(Splats::new(&self.tiles, self.unit));
+        self.splats = Some(Splats::new(&self.tiles, self.unit, self.splits.clone()));
     }
 
-    /// What splats add to the means of a tile's pixels; of each replica, and of all together last.
-    pub(super) fn splatted(&self, tile: usize) -> impl Fn(usize, usize) -> [f64; REPLICAS + 1] {
-        let (unit, found) = (self.unit, self.splats.as_ref().map(|splats| (splats.tile(tile), splats.samples())));
+    /// What splats add to the means of a tile's pixels, or to a part of them; of each replica, and of all together last.
+    pub(super) fn splatted(&self, tile: usize, part: Option<usize>) -> impl Fn(usize, usize) -> [f64; REPLICAS + 1] {
+        let (unit, found) = (self.unit, self.splats.as_ref().map(|splats| (splats.tile(tile, part), splats.samples())));
         move |pixel, channel| match &found {
             None => [0.0; REPLICAS + 1],
             Some((sums, samples)) => {
@@ -146,49 +168,87 @@ impl Film {
             height,
             rgb: vec![[0.0; 3]; pixels],
             alpha: self.transparent.then(|| vec![0.0; pixels]),
-            layers: self.layers.iter().map(|kind| kind.blank(pixels)).collect(),
+            layers: self.layers.iter().flat_map(|kind| self.blank(*kind, pixels)).collect(),
             metadata: Vec::new(),
         };
         for (row, tile) in self.tiles.iter().enumerate() {
-            let splatted = self.splatted(row);
             let samples: u32 = tile.samples.iter().sum();
             let scale = 1.0 / f64::from(samples.max(1));
-            let weights = tile.weights(self.adaptive);
-            let standard_errors = self.standard_errors(row, tile);
-            let even = weights.iter().all(|&weight| weight == weights[0]);
+            let mean_light = self.mean_light(row, tile, None);
             for (pixel, at) in self.pixels_of(tile) {
-                picture.rgb[at] = std::array::from_fn(|i| {
-                    let sums = tile.replicas.each_ref().map(|sums| sums.0[pixel][i]);
-                    // Exactly as long as that can be, so that ranges of samples can be joined.
-                    let mean = if even {
-                        self.unit.value(sums.iter().sum()) * weights[0]
-                    } else {
-                        sums.iter().zip(weights).map(|(&sum, weight)| self.unit.value(sum) * weight).sum::<f64>()
-                    };
-                    (mean + splatted(pixel, i)[REPLICAS]) as f32
-                });
+                picture.rgb[at] = mean_light(pixel).map(|mean| mean as f32);
                 if let Some(alpha) = &mut picture.alpha {
                     alpha[at] = (f64::from(tile.covered[pixel]) * scale) as f32;
                 }
-                for (i, layer) in picture.layers.iter_mut().enumerate() {
-                    if self.layers[i] == LayerKind::Error {
-                        layer.data.set_rgb(at, standard_errors(pixel));
-                        continue;
+            }
+            let mut layers = picture.layers.iter_mut();
+            for (i, &kind) in self.layers.iter().enumerate() {
+                if let LayerKind::Light(split) = kind {
+                    let first = self.splits.first_of(split);
+                    for part in first..first + self.splits.layers_of(split) {
+                        let mean = self.mean_light(row, tile, Some(part));
+                        let standard_errors = self.standard_errors(row, tile, Some(part));
+                        let (Some(light), Some(error)) = (layers.next(), layers.next()) else { break };
+                        for (pixel, at) in self.pixels_of(tile) {
+                            light.data.set_rgb(at, mean(pixel).map(|mean| mean as f32));
+                            error.data.set_rgb(at, standard_errors(pixel));
+                        }
                     }
+                    continue;
+                }
+                let Some(layer) = layers.next() else { break };
+                if kind == LayerKind::Error {
+                    let standard_errors = self.standard_errors(row, tile, None);
+                    self.pixels_of(tile).for_each(|(pixel, at)| layer.data.set_rgb(at, standard_errors(pixel)));
+                    continue;
+                }
+                for (pixel, at) in self.pixels_of(tile) {
                     let mean = |channel: usize| (Unit::PLAIN.value(tile.layers[i].0[pixel][channel]) * scale) as f32;
                     match &mut layer.data {
                         LayerData::Scalar(values) => values[at] = mean(0),
                         LayerData::Uv(values) => values[at] = [mean(0), mean(1)],
                         LayerData::Rgb(values) | LayerData::Xyz(values) => values[at] = [mean(0), mean(1), mean(2)],
                         LayerData::Id(values) => {
-                            values[at] =
-                                if self.layers[i] == LayerKind::SampleCount { samples } else { tile.ids[i][pixel] };
+                            values[at] = if kind == LayerKind::SampleCount { samples } else { tile.ids[i][pixel] };
                         }
                     }
                 }
             }
         }
         picture
+    }
+
+    /// By pixel, the mean of all light or of a part of it, nit.
+    pub(super) fn mean_light<'a>(
+        &'a self,
+        row: usize,
+        tile: &'a Tile,
+        part: Option<usize>,
+    ) -> impl Fn(usize) -> [f64; 3] + 'a {
+        let splatted = self.splatted(row, part);
+        let weights = tile.weights(self.adaptive);
+        let even = weights.iter().all(|&weight| weight == weights[0]);
+        let replicas = tile.sums(part);
+        move |pixel| {
+            std::array::from_fn(|i| {
+                let sums = replicas.each_ref().map(|sums| sums.0[pixel][i]);
+                // Exactly as long as that can be, so that ranges of samples can be joined.
+                let mean = if even {
+                    self.unit.value(sums.iter().sum()) * weights[0]
+                } else {
+                    sums.iter().zip(weights).map(|(&sum, weight)| self.unit.value(sum) * weight).sum::<f64>()
+                };
+                mean + splatted(pixel, i)[REPLICAS]
+            })
+        }
+    }
+
+    /// Black layers of a kind.
+    fn blank(&self, kind: LayerKind, pixels: usize) -> Vec<Layer> {
+        let LayerKind::Light(split) = kind else { return vec![kind.blank(pixels)] };
+        let layer = |name: String| Layer { name, data: LayerData::Rgb(vec![[0.0; 3]; pixels]) };
+        let names = self.splits.names(split, &self.lights);
+        names.into_iter().flat_map(|name| [layer(name.clone()), layer(format!("{name}.error"))]).collect()
     }
 
     /// The pixels of a tile that were asked for: their places in the tile and in the picture.
@@ -215,7 +275,12 @@ impl Film {
 impl LayerKind {
     /// True for layers that are means over samples.
     pub fn is_sum(self) -> bool {
-        !self.is_id() && !matches!(self, Self::SampleCount | Self::Error)
+        !self.is_id() && !matches!(self, Self::SampleCount | Self::Error | Self::Light(_))
+    }
+
+    /// How it splits light, if it does.
+    pub fn split(self) -> Option<Split> {
+        if let Self::Light(split) = self { Some(split) } else { None }
     }
 
     /// True for layers that hold an id.
@@ -223,7 +288,7 @@ impl LayerKind {
         matches!(self, Self::EntityId | Self::MaterialId)
     }
 
-    /// The layer's name in files.
+    /// The layer's name in files; of light in parts, that of the option which asks for it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Albedo => "albedo",
@@ -235,12 +300,17 @@ impl LayerKind {
             Self::MaterialId => "material-id",
             Self::SampleCount => "samples",
             Self::Error => "error",
+            Self::Light(Split::Bounces) => "bounces",
+            Self::Light(Split::Lights) => "lights",
+            Self::Light(Split::Direct) => "direct",
+            Self::Light(Split::LightsByBounces) => "lights.bounces",
+            Self::Light(Split::LightsByDirect) => "lights.direct",
         }
     }
 
     fn blank(self, pixels: usize) -> Layer {
         let data = match self {
-            Self::Albedo | Self::Error => LayerData::Rgb(vec![[0.0; 3]; pixels]),
+            Self::Albedo | Self::Error | Self::Light(_) => LayerData::Rgb(vec![[0.0; 3]; pixels]),
             Self::Normal | Self::Position => LayerData::Xyz(vec![[0.0; 3]; pixels]),
             Self::Depth => LayerData::Scalar(vec![0.0; pixels]),
             Self::Uv => LayerData::Uv(vec![[0.0; 2]; pixels]),

@@ -6,6 +6,7 @@
 //! tables of a scene do not depend on the edits that led to it.
 
 mod camera;
+mod groups;
 mod instances;
 mod lights;
 mod materials;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 
 pub use self::{
     camera::{CameraView, ViewProjection},
+    groups::{LightGroups, Source},
     instances::{Instance, Instances},
     lights::{
         Candidate, DistantLight, DistantLights, EmissiveShape, EmissiveShapes, EmissiveTriangle, EmissiveTriangles,

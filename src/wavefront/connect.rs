@@ -1,6 +1,10 @@
 //! Adds the light of shadow rays that nothing is in the way of.
 
-use super::{queues::ShadowQueue, tally::Tally};
+use super::{
+    queues::ShadowQueue,
+    reuse::{FIRST, SHARED},
+    tally::Tally,
+};
 use crate::accel::{Accel, Coverage, Rays};
 
 /// Traces the queue and adds what arrives to the tile sums.
@@ -8,7 +12,8 @@ pub fn connect<C: Coverage>(accel: &Accel, shadows: &ShadowQueue, coverage: &C, 
     accel.occluded_of(shadows, coverage, |row, occluded| {
         if !occluded {
             let light = [shadows.light_r[row], shadows.light_g[row], shadows.light_b[row]];
-            tally.add(shadows.slot[row], shadows.sample[row], light);
+            let (slot, sample) = (shadows.slot[row], shadows.sample[row]);
+            tally.add(slot, sample, light, |ledger| ledger.expected(slot & !(SHARED | FIRST), sample));
         }
     });
 }

@@ -34,6 +34,8 @@ pub struct LightSample<F: Real> {
     pub valid: F::Mask,
     /// Lanes in which it is the sky.
     pub sky: u32,
+    /// Rows of the lights, lane by lane.
+    pub rows: [u32; LANES],
 }
 
 /// As [`Candidate`], of all lanes.
@@ -282,7 +284,7 @@ pub fn sample<F: Real>(
         pdf = F::select(is_sky, density * pmf, pdf);
         valid = (valid & !is_sky) | seen;
     }
-    LightSample { origin, up, wi, target: end, near, light, pdf, valid, sky: kinds.sky }
+    LightSample { origin, up, wi, target: end, near, light, pdf, valid, sky: kinds.sky, rows }
 }
 
 /// What the texture of a flat light makes of its radiance.

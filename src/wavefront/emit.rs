@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     accel::Hit,
-    flat::{FlatScene, NONE, flags},
+    flat::{FlatScene, NONE, Source, flags},
     light::Receiver,
     sampling::mis,
 };
@@ -97,7 +97,7 @@ pub fn emit(
         if light != [0.0; 3] && !caustic::is_one(scene, paths.eta_scale[i], paths.pdf[i], &hit) {
             let at = Receiver::new([paths.ox[i], paths.oy[i], paths.oz[i]], paths.side[i]);
             let weight = weight(scene, paths.pdf[i], &at, &hit, [paths.dx[i], paths.dy[i], paths.dz[i]]);
-            add(tally, paths, i, light, weight);
+            add(scene, tally, paths, i, hit.instance, light, weight);
         }
     }
 }
@@ -114,14 +114,18 @@ pub fn show_unlit(
 ) {
     for &row in rows {
         let i = row as usize;
-        let light = unlit(scene, materials[i], &hit_at(hits, i), lookups);
-        add(tally, paths, i, light, 1.0);
+        let hit = hit_at(hits, i);
+        let light = unlit(scene, materials[i], &hit, lookups);
+        add(scene, tally, paths, i, hit.instance, light, 1.0);
     }
 }
 
-/// Adds `light · weight` along the path in row `i`.
+/// Adds `light · weight` of an instance along the path in row `i`.
 #[inline]
-fn add(tally: &mut Tally, paths: &PathQueue, i: usize, light: [f32; 3], weight: f32) {
+fn add(scene: &FlatScene, tally: &mut Tally, paths: &PathQueue, i: usize, instance: u32, light: [f32; 3], weight: f32) {
     let throughput = [paths.throughput_r[i], paths.throughput_g[i], paths.throughput_b[i]];
-    tally.add(paths.slot[i], paths.sample[i], std::array::from_fn(|c| throughput[c] * light[c] * weight));
+    let light = std::array::from_fn(|c| throughput[c] * light[c] * weight);
+    tally.add(paths.slot[i], paths.sample[i], light, |ledger| {
+        ledger.label(scene, paths.depth[i], Source::Instance(instance))
+    });
 }

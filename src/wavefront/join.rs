@@ -22,6 +22,7 @@ use wide::f32x8;
 use super::{
     Job, caustic,
     groups::{MOST, SQUARE, pixel_of},
+    ledger::Found,
     queues::{LinkBlock, LinkQueue},
     reuse::{Far, Glimpse, KINDS, Near, Reuse, Vertex, stage},
     shade::BEFORE_LIGHT,
@@ -32,6 +33,8 @@ use super::{
 use crate::{
     accel::{Coverage, Rays},
     bsdf::{Bsdf, Opaque, Params},
+    film::Label,
+    flat::{FlatScene, Source},
     sampling::mis,
     simd::{Frame, LANES, Mask, Real, Rgb, V3},
 };
@@ -77,6 +80,10 @@ pub struct Joiner {
     blocks: usize,
     /// By group, find and block.
     pairs: Vec<Pairs>,
+    /// What far vertices' own light samples and what is behind them bring, pair by pair; where their light is kept in parts.
+    gains: Vec<[Rgb<f32x8>; 2]>,
+    /// Parts of what a group's pixels get.
+    parts: Vec<(Label, [Rgb<f32x8>; MOST_BLOCKS])>,
     /// Lanes of the pairs that see each other.
     seen: Vec<u32>,
     /// By slot and kind, what pixels would get more without sharing, nit; where that is asked for.
@@ -108,6 +115,8 @@ impl Joiner {
         self.fars.reserve(batch * finds);
         self.pairs.resize(batch * finds * self.blocks, NO_PAIRS);
         self.seen.resize(batch * finds * self.blocks, 0);
+        let apart = if tally.ledger.is_some() { self.pairs.len() } else { 0 };
+        self.gains.resize(apart, [V3::<f32x8>::splat(0.0); 2]);
         self.groups.clear();
         self.caustics = job.settings.caustics;
         let first = |at: u32| at / SQUARE * SQUARE;
@@ -165,9 +174,18 @@ impl Joiner {
                 }
                 let first = (index * 2 * size + find.place(j, size)) * blocks;
                 let pairs = &mut self.pairs[first..first + blocks];
-                for (pairs, near) in pairs.iter_mut().zip(&*near) {
+                for (block, (pairs, near)) in pairs.iter_mut().zip(&*near).enumerate() {
                     *pairs = near.as_ref().map_or(NO_PAIRS, |near| match find {
-                        Find::Surface => near.pairs(&reuse.far[row], &reuse.light[row], self.caustics),
+                        Find::Surface => {
+                            let (far, light) = (&reuse.far[row], &reuse.light[row]);
+                            if self.gains.is_empty() {
+                                near.pairs::<false>(far, light, self.caustics).0
+                            } else {
+                                let (pairs, gains) = near.pairs::<true>(far, light, self.caustics);
+                                self.gains[first + block] = gains;
+                                pairs
+                            }
+                        }
                         Find::Sky => near.glimpses::<false>(&reuse.glimpses[0][row]),
                         Find::Lit => near.glimpses::<true>(&reuse.glimpses[1][row]),
                     });
@@ -192,7 +210,7 @@ impl Joiner {
 
     /// Traces the shadow rays of the groups at hand and adds what arrives.
     fn flush<C: Coverage>(&mut self, job: &Job, coverage: &C, tally: &mut Tally, counters: &mut Counters) {
-        let Self { links, groups, fars, size, blocks, pairs, seen, measured, .. } = self;
+        let Self { links, groups, fars, size, blocks, pairs, gains, parts, seen, measured, .. } = self;
         let (size, blocks) = (*size, *blocks);
         counters.rays.shadow += links.len() as u64;
         seen.iter_mut().zip(&*pairs).for_each(|(seen, pairs)| *seen = pairs.lanes);
@@ -206,6 +224,7 @@ impl Joiner {
         fars.clear();
         for (index, group) in groups.drain(..).enumerate() {
             let mut sums = [[V3::<f32x8>::splat(0.0); MOST_BLOCKS]; KINDS];
+            parts.clear();
             for j in 0..group.count {
                 let (slot, row) = (group.slots[j], tally.reuse.row(group.slots[j], group.sample));
                 for find in Find::ALL {
@@ -213,12 +232,15 @@ impl Joiner {
                         continue;
                     }
                     let first = (index * 2 * size + find.place(j, size)) * blocks;
-                    let (pairs, seen) = (&pairs[first..first + blocks], &seen[first..first + blocks]);
+                    let of_find = first..first + blocks;
+                    let (pairs, seen) = (&pairs[of_find.clone()], &seen[of_find.clone()]);
                     // What a light sample finds is not known before the shadow ray, so that none of its paths depends on that.
                     let candidate = |block: usize| if find == Find::Lit { pairs[block].lanes } else { seen[block] };
                     let own = |lanes: u32| lanes >> (j % LANES) & 1 == 1;
                     if !own(candidate(j / LANES)) {
-                        tally.add(slot, group.sample, find.alone(&tally.reuse, row));
+                        let alone = find.alone(&tally.reuse, row);
+                        let of_alone = find.parts_alone(job.scene, tally, slot, group.sample, alone);
+                        tally.add_parts(slot, group.sample, alone, &of_alone);
                         continue;
                     }
                     let mut density = 0.0;
@@ -229,6 +251,25 @@ impl Joiner {
                     let scale = f32x8::splat(1.0 / density);
                     for ((sum, pairs), lanes) in sums[find as usize].iter_mut().zip(pairs).zip(seen) {
                         *sum = *sum + (pairs.light * scale).masked(Mask::from_bits(*lanes));
+                    }
+                    if let Some(ledger) = &tally.ledger {
+                        let mut add = |label: Label, light: &dyn Fn(usize) -> Rgb<f32x8>| {
+                            let row = parts.iter().position(|(other, _)| *other == label).unwrap_or_else(|| {
+                                parts.push((label, [V3::<f32x8>::splat(0.0); MOST_BLOCKS]));
+                                parts.len() - 1
+                            });
+                            for (block, (sum, lanes)) in parts[row].1.iter_mut().zip(seen).enumerate() {
+                                *sum = *sum + (light(block) * scale).masked(Mask::from_bits(*lanes));
+                            }
+                        };
+                        if find == Find::Surface {
+                            for found in ledger.found(slot, group.sample) {
+                                let light = V3::<f32x8>::from_array(found.light);
+                                add(found.label, &|block| gains[first + block][usize::from(!found.first)] * light);
+                            }
+                        } else {
+                            add(ledger.label(job.scene, 1, Source::Sky), &|block| pairs[block].light);
+                        }
                     }
                     if let Some(measured) = measured
                         && own(seen[j / LANES])
@@ -241,7 +282,10 @@ impl Joiner {
             }
             for (member, &slot) in group.slots.iter().enumerate().take(group.count) {
                 let got = sums.map(|sums| sums[member / LANES].lane(member % LANES));
-                tally.add(slot, group.sample, array::from_fn(|i| got.iter().map(|kind| kind[i]).sum()));
+                let light = array::from_fn(|i| got.iter().map(|kind| kind[i]).sum());
+                let of_light: Vec<_> =
+                    parts.iter().map(|(label, sums)| (*label, sums[member / LANES].lane(member % LANES))).collect();
+                tally.add_parts(slot, group.sample, light, &of_light);
                 if let Some(measured) = measured {
                     for (more, got) in measured[slot as usize].iter_mut().zip(got) {
                         (0..3).for_each(|i| more[i] -= f64::from(got[i]));
@@ -296,6 +340,26 @@ impl Find {
     }
 }
 
+impl Find {
+    /// What of [`alone`](Self::alone) is which light.
+    fn parts_alone(
+        self,
+        scene: &FlatScene,
+        tally: &Tally,
+        slot: u32,
+        sample: u32,
+        alone: [f32; 3],
+    ) -> Vec<(Label, [f32; 3])> {
+        let Some(ledger) = &tally.ledger else { return Vec::new() };
+        if self != Self::Surface {
+            return vec![(ledger.label(scene, 1, Source::Sky), alone)];
+        }
+        let weight = tally.reuse.far[tally.reuse.row(slot, sample)].weight;
+        let part = |found: &Found| (found.label, array::from_fn(|c| weight[c] * found.light[c]));
+        ledger.found(slot, sample).map(part).collect()
+    }
+}
+
 /// Eight near vertices.
 struct NearBlock {
     lanes: u32,
@@ -327,8 +391,10 @@ impl NearBlock {
     }
 
     /// What the eight pixels get from a far vertex that reflects `light`.
+    ///
+    /// Also what of each of the two lights gets there, if `APART` is asked for: that is 1/m².
     #[inline(always)]
-    fn pairs(&self, far: &Far, light: &[[f32; 3]; 2], caustics: bool) -> Pairs {
+    fn pairs<const APART: bool>(&self, far: &Far, light: &[[f32; 3]; 2], caustics: bool) -> (Pairs, [Rgb<f32x8>; 2]) {
         let y = &far.at;
         let (ng, ns) = (V3::from_array(y.ng), V3::from_array(y.ns));
         let way = V3::from_array(y.p) - self.p;
@@ -354,6 +420,8 @@ impl NearBlock {
             stands = stands & caustic::seldom(pdf);
         }
         let [first, later] = light.map(V3::<f32x8>::from_array);
+        let one = V3::<f32x8>::splat(1.0);
+        let mut gains = [one; 2];
         let light = if y.is_lambert() {
             first + later
         } else {
@@ -364,10 +432,16 @@ impl NearBlock {
                 let inverse = V3::from_array(f_own.map(|f| if f > 0.0 { 1.0 / f } else { 0.0 }));
                 light * f * inverse
             };
+            if APART {
+                gains = [scaled(one, far.to_light, far.f_light), scaled(one, far.to_next, far.f_next)];
+            }
             scaled(first, far.to_light, far.f_light) + scaled(later, far.to_next, far.f_next)
         };
+        if APART {
+            gains = gains.map(|gain| self.throughput * f * gain * geometry);
+        }
         let light = self.throughput * f * light * geometry;
-        Pairs { light, density, lanes: self.lanes & stands.bits() }
+        (Pairs { light, density, lanes: self.lanes & stands.bits() }, gains)
     }
 
     /// What the eight pixels get from a direction in which one of them saw the sky, or with `SAMPLED` looked for it. The densities

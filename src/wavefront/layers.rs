@@ -66,7 +66,7 @@ pub fn layers(
                     }
                     continue;
                 }
-                LayerKind::SampleCount | LayerKind::Error => continue,
+                LayerKind::SampleCount | LayerKind::Error | LayerKind::Light(_) => continue,
             };
             tile.layers[layer].add(Unit::PLAIN, pixel, value);
         }

@@ -45,6 +45,7 @@ mod dimensions;
 mod direct;
 mod fetch;
 mod groups;
+mod ledger;
 mod light_paths;
 mod one_path;
 mod pilot;
@@ -66,6 +67,7 @@ use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
     join::Joiner,
+    ledger::{Accounts, Ledger},
     light_paths::{LightPaths, LightWorker},
     queues::{HitQueue, PathQueue, ShadowQueue},
     reuse::{Reuse, Shares},
@@ -78,8 +80,8 @@ pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::rend
 use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
-    film::{Tile, Unit},
-    flat::{FlatScene, NONE, SceneNeeds, ShadingClass},
+    film::{Splits, Tile, Unit},
+    flat::{FlatScene, LightGroups, NONE, SceneNeeds, ShadingClass},
     render::{LayerKind, RenderSettings, SamplerKind, Sharing},
     sampling::{FilterTable, Sampler, replica},
     simd::LANES,
@@ -120,6 +122,8 @@ pub struct Settings {
     pub suns: f32,
     /// Layers beside the beauty picture.
     pub layers: Vec<LayerKind>,
+    /// Something of the first hits is kept.
+    pub has_first_hits: bool,
 }
 
 /// All that workers share while they make a picture.
@@ -132,6 +136,7 @@ pub struct Job<'a> {
     sampler: Sampler,
     unit: Unit,
     light_paths: Option<Arc<LightPaths>>,
+    accounts: Arc<Accounts>,
 }
 
 impl<'a> Job<'a> {
@@ -167,6 +172,8 @@ impl<'a> Job<'a> {
                 shares: shares(scene, settings),
                 caustics: light_paths.is_some(),
                 suns: light_paths.as_ref().map_or(f32::INFINITY, |paths| paths.suns()),
+                has_first_hits: settings.transparent
+                    || settings.layers.iter().any(|kind| kind.is_sum() || kind.is_id()),
                 layers: settings.layers.clone(),
             },
             lens: Lens::new(scene.camera, settings.width, settings.height),
@@ -174,8 +181,17 @@ impl<'a> Job<'a> {
             sampler: if settings.is_adaptive() { sampler.in_replicas() } else { sampler },
             unit,
             light_paths,
+            accounts: Arc::new(accounts(scene, settings)),
         }
     }
+}
+
+/// Of the light that the settings want to have in parts.
+fn accounts(scene: &FlatScene, settings: &RenderSettings) -> Accounts {
+    let kinds: Vec<_> = settings.layers.iter().filter_map(|kind| kind.split()).collect();
+    let by_light = kinds.iter().any(|kind| kind.by_light());
+    let groups = if by_light { LightGroups::new(scene) } else { LightGroups::default() };
+    Accounts { splits: Splits::new(kinds, settings.max_depth, groups.keys.len() as u32), groups }
 }
 
 /// What can be shared in a scene.
@@ -205,6 +221,7 @@ pub struct Worker {
     order: Order,
     reuse: Reuse,
     joiner: Joiner,
+    ledger: Ledger,
     light: LightWorker,
     /// What this worker did.
     counters: Counters,
@@ -223,14 +240,29 @@ impl Worker {
         }
     }
 
-    fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32, step: u32) {
-        let Job { scene, settings, lens, filter, sampler, unit, .. } = job;
-        let rectangle = [tile.x, tile.y, tile.width, tile.height];
-        let replicas = std::mem::take(&mut tile.replicas);
-        let mut tally = Tally { unit: *unit, replicas, discarded: 0, reuse: std::mem::take(&mut self.reuse) };
-        if settings.shares.any() {
-            tally.reuse.begin(rectangle, from, to, step);
+    /// Takes a tile's sums to add samples to.
+    fn open(&mut self, job: &Job, tile: &mut Tile, from: u32, to: u32, step: u32) -> Tally {
+        let (reuse, ledger) = (std::mem::take(&mut self.reuse), std::mem::take(&mut self.ledger));
+        let mut tally = Tally::of(tile, job.unit, reuse, ledger);
+        if job.settings.shares.any() {
+            tally.reuse.begin([tile.x, tile.y, tile.width, tile.height], from, to, step);
         }
+        if let Some(ledger) = &mut tally.ledger {
+            ledger.begin(&job.accounts, tile.pixels(), from, to, step);
+        }
+        tally
+    }
+
+    /// Gives them back.
+    fn close(&mut self, tally: Tally, tile: &mut Tile) {
+        self.counters.discarded += tally.discarded;
+        (self.reuse, self.ledger) = tally.close(tile);
+    }
+
+    fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32, step: u32) {
+        let Job { scene, settings, lens, filter, sampler, .. } = job;
+        let rectangle = [tile.x, tile.y, tile.width, tile.height];
+        let mut tally = self.open(job, tile, from, to, step);
         let mut cursor = Cursor::new(from, to, step);
         let Self { paths, next, hits, shadows, order, joiner, counters, .. } = self;
         paths.rewind();
@@ -269,7 +301,7 @@ impl Worker {
                     counters.absorbed += absorb::absorb(scene, &order.materials, hits, paths);
                 });
             }
-            if !settings.layers.is_empty() || settings.transparent {
+            if settings.has_first_hits {
                 counters.time(Stage::Layers, paths.len(), |_| {
                     layers::layers(scene, &settings.layers, &order.materials, paths, hits, tile);
                 });
@@ -323,16 +355,7 @@ impl Worker {
                             let rows = piece.run(class as usize);
                             if !rows.is_empty() {
                                 blocks += shade_class(
-                                    job,
-                                    class,
-                                    rows,
-                                    order,
-                                    paths,
-                                    hits,
-                                    shadows,
-                                    next,
-                                    &mut tally.reuse,
-                                    counters,
+                                    job, class, rows, order, paths, hits, shadows, next, &mut tally, counters,
                                 );
                             }
                         }
@@ -356,9 +379,7 @@ impl Worker {
                 joiner.join(job, coverage, rectangle, from, to, step, &mut tally, counters);
             });
         }
-        tile.replicas = std::mem::take(&mut tally.replicas);
-        self.reuse = tally.reuse;
-        self.counters.discarded += tally.discarded;
+        self.close(tally, tile);
         for sample in (from..to).step_by(step as usize) {
             tile.samples[replica(sample)] += 1;
         }
@@ -375,7 +396,7 @@ fn shade_class(
     hits: &HitQueue,
     shadows: &mut ShadowQueue,
     next: &mut PathQueue,
-    reuse: &mut Reuse,
+    tally: &mut Tally,
     counters: &mut Counters,
 ) -> Blocks {
     let run = match class {
@@ -387,7 +408,7 @@ fn shade_class(
     };
     let Job { scene, settings, sampler, .. } = job;
     let (materials, parts) = (&order.materials, parts_of(class));
-    run(scene, settings, sampler, rows, materials, parts, paths, hits, shadows, next, reuse, counters)
+    run(scene, settings, sampler, rows, materials, parts, paths, hits, shadows, next, tally, counters)
 }
 
 /// The parameters that a class reads.

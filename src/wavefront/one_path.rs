@@ -21,7 +21,7 @@ use crate::{
     accel::{Coverage, Solid, Stacks},
     bsdf::{Lambert, Opaque, Transmissive},
     film::Tile,
-    flat::{FlatScene, NONE, ShadingClass, flags},
+    flat::{FlatScene, NONE, ShadingClass, Source, flags},
     light::Receiver,
     render::{Observer, RenderSettings, Rendered},
     sampling::replica,
@@ -34,7 +34,7 @@ pub fn render_one_path(scene: &FlatScene, settings: &RenderSettings, observer: &
 }
 
 /// As [`Worker::run`].
-fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32, step: u32) {
+pub(super) fn run(worker: &mut Worker, job: &Job, tile: &mut Tile, from: u32, to: u32, step: u32) {
     if job.settings.partial_coverage {
         run_covered(worker, job, &SceneCoverage::new(job.scene), tile, from, to, step);
     } else {
@@ -52,11 +52,7 @@ fn run_covered<C: Coverage>(
     step: u32,
 ) {
     let mut stacks = Stacks::default();
-    let replicas = std::mem::take(&mut tile.replicas);
-    let mut tally = Tally { unit: job.unit, replicas, discarded: 0, reuse: std::mem::take(&mut worker.reuse) };
-    if job.settings.shares.any() {
-        tally.reuse.begin([tile.x, tile.y, tile.width, tile.height], from, to, step);
-    }
+    let mut tally = worker.open(job, tile, from, to, step);
     for sample in (from..to).step_by(step as usize) {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
@@ -68,9 +64,7 @@ fn run_covered<C: Coverage>(
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         worker.joiner.join(job, coverage, rectangle, from, to, step, &mut tally, &mut worker.counters);
     }
-    tile.replicas = std::mem::take(&mut tally.replicas);
-    worker.reuse = tally.reuse;
-    worker.counters.discarded += tally.discarded;
+    worker.close(tally, tile);
 }
 
 type Integer = <f32 as Real>::Bits;
@@ -108,7 +102,8 @@ fn trace<C: Coverage>(
                 if caustic::is_of_sun(settings.suns, eta_scale, pdf, depth, seen.radiance.lane(0)) {
                     return;
                 }
-                sky::add(tally, settings.shares.sky && depth == 1, (slot, sample), direction, &seen, throughput, 0);
+                let shares = settings.shares.sky && depth == 1;
+                sky::add(scene, tally, shares, (slot, sample, depth), direction, &seen, throughput, 0);
             }
             return;
         }
@@ -125,11 +120,15 @@ fn trace<C: Coverage>(
         {
             let light = emit::emitted(scene, material, &hit, &mut counters.texture_lookups);
             let weight = emit::weight(scene, pdf, &Receiver::new(origin, side), &hit, direction);
-            tally.add(slot, sample, (throughput * V3::from_array(light) * weight).lane(0));
+            tally.add(slot, sample, (throughput * V3::from_array(light) * weight).lane(0), |ledger| {
+                ledger.label(scene, depth, Source::Instance(hit.instance))
+            });
         }
         if scene.materials.flags[material as usize] & flags::UNLIT != 0 {
             let light = emit::unlit(scene, material, &hit, &mut counters.texture_lookups);
-            tally.add(slot, sample, (throughput * V3::from_array(light)).lane(0));
+            tally.add(slot, sample, (throughput * V3::from_array(light)).lane(0), |ledger| {
+                ledger.label(scene, depth, Source::Instance(hit.instance))
+            });
             return;
         }
         if depth >= settings.max_depth {
@@ -162,7 +161,9 @@ fn trace<C: Coverage>(
             let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
             let id = name(depth, 1);
             if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage, stacks) {
-                tally.add(connection.slot[0], sample, connection.light.lane(0));
+                tally.add(connection.slot[0], sample, connection.light.lane(0), |ledger| {
+                    ledger.label(scene, depth + 1, Source::Chosen(connection.row[0]))
+                });
             }
         }
         if departure.lanes == 0 {

@@ -137,6 +137,9 @@ impl<F: Real> Candidate<F> {
                 pdf: number(l.pdf, m.pdf),
                 valid: mask(l.valid, m.valid),
                 sky: l.sky & first.bits() | m.sky & !first.bits(),
+                rows: std::array::from_fn(
+                    |lane| if first.bits() >> lane & 1 == 1 { l.rows[lane] } else { m.rows[lane] },
+                ),
             },
             f: vector(a.f, b.f),
             pdf: number(a.pdf, b.pdf),

@@ -11,7 +11,7 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Counters, Job, Worker, light_paths, pilot};
+use super::{Accounts, Counters, Job, Worker, light_paths, pilot};
 use crate::{
     film::{Film, Growth, Splats, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
@@ -307,6 +307,16 @@ pub(super) fn render_by(
     observer: &dyn Observer,
     run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Send + Sync,
 ) -> Rendered {
+    film_by(scene, settings, observer, run).1
+}
+
+/// The same with the film that the picture is of.
+pub(super) fn film_by(
+    scene: &FlatScene,
+    settings: &RenderSettings,
+    observer: &dyn Observer,
+    run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Send + Sync,
+) -> (Film, Rendered) {
     let start = Instant::now();
     let unit = Unit::for_emission(brightest(scene));
     let mut film = Film::new(settings, unit);
@@ -328,6 +338,9 @@ pub(super) fn render_by(
         },
         workers: Mutex::new(Vec::new()),
     };
+    let Accounts { splits, groups } = &*passes.job.accounts;
+    let lights = groups.keys.iter().map(|&key| if key == u64::MAX { "sky".to_owned() } else { key.to_string() });
+    film.split(splits.clone(), lights.collect());
     if passes.job.light_paths.is_some() {
         film.keep_splats();
     }
@@ -343,6 +356,12 @@ pub(super) fn render_by(
         film.resolve()
     };
     let picture = match rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build() {
+        // A worker of another pool would take up other work of its own while it waits here, such as a render, and then another
+        // one, until its stack is full.
+        Ok(pool) if rayon::current_thread_index().is_some() => std::thread::scope(|scope| {
+            let waits = scope.spawn(|| pool.install(&mut all_passes));
+            waits.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        }),
         Ok(pool) => pool.install(&mut all_passes),
         // Without threads of its own it runs on those there are.
         Err(_) => all_passes(),
@@ -356,5 +375,5 @@ pub(super) fn render_by(
     }
     counters.discarded += film.splats.as_ref().map_or(0, Splats::discarded);
     counters.report(&mut stats);
-    Rendered { picture, stats }
+    (film, Rendered { picture, stats })
 }

@@ -10,10 +10,11 @@ use super::{
     stats::{Blocks, Counters},
     surface::{self, Incoming, Parts, Surface},
     taken::Taken,
+    tally::Tally,
 };
 use crate::{
     bsdf::Bsdf,
-    flat::{FlatScene, NONE, SceneNeeds},
+    flat::{FlatScene, NONE, SceneNeeds, Source},
     light::Receiver,
     sampling::Sampler,
     simd::{Bits, LANES, Mask, Real, Rgb, V3},
@@ -60,6 +61,8 @@ pub struct Connection<F: Real> {
     pub light: Rgb<F>,
     /// Where that goes.
     pub slot: [u32; 8],
+    /// Rows of the lights.
+    pub row: [u32; 8],
     /// Lanes that have one.
     pub lanes: u32,
 }
@@ -208,8 +211,15 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
         scene.lights.choice.sky_pmf(&Receiver::new(start.lane(lane), sides.lane(lane)))
     };
 
-    let mut connection =
-        Connection { origin: surface.p, direction: surface.wo, t_max: zero, light: V3::splat(0.0), slot, lanes: 0 };
+    let mut connection = Connection {
+        origin: surface.p,
+        direction: surface.wo,
+        t_max: zero,
+        light: V3::splat(0.0),
+        slot,
+        row: [NONE; 8],
+        lanes: 0,
+    };
     let lit = active & B::scatters(&prepared);
     if settings.sample_lights && lit.any() {
         let place = Place::<F, B> {
@@ -287,6 +297,7 @@ pub fn scatter<F: Real, B: Bsdf, const TEXTURED: bool>(
                 t_max: F::select(light.near, F::splat(BEFORE_LIGHT), F::splat(f32::INFINITY)),
                 light: carried,
                 slot: std::array::from_fn(|lane| if far >> lane & 1 == 1 { slot[lane] | FIRST } else { slot[lane] }),
+                row: light.rows,
                 lanes: lanes.bits(),
             };
         }
@@ -403,7 +414,7 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
     hits: &HitQueue,
     shadows: &mut ShadowQueue,
     next: &mut PathQueue,
-    reuse: &mut Reuse,
+    tally: &mut Tally,
     counters: &mut Counters,
 ) -> Blocks {
     let mut blocks = Blocks::default();
@@ -436,7 +447,13 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
         }
         blocks += Blocks::one(at.active.count_ones());
         let (connection, departure) =
-            scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, reuse, counters);
+            scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, &mut tally.reuse, counters);
+        if let Some(ledger) = &mut tally.ledger {
+            for lane in (0..LANES).filter(|lane| connection.lanes >> lane & 1 == 1) {
+                let label = ledger.label(scene, at.depth[lane] + 1, Source::Chosen(connection.row[lane]));
+                ledger.expect(at.slot[lane] & !SHARED, at.sample[lane], label);
+            }
+        }
         push_connections(&at, &connection, shadows, settings.blends);
         push_departures(&at, &departure, next);
     }

@@ -4,7 +4,7 @@ use wide::f32x8;
 
 use super::{caustic, queues::PathQueue, reuse::Glimpse, stats::Blocks, taken::Taken, tally::Tally};
 use crate::{
-    flat::{EnvironmentLight, FlatScene},
+    flat::{EnvironmentLight, FlatScene, Source},
     light::Receiver,
     sampling::mis,
     simd::{LANES, Real, Rgb, V3},
@@ -51,9 +51,10 @@ pub fn seen<F: Real>(
 /// Adds what the path in a lane saw: to its pixel, or to what it leaves for others.
 #[inline]
 pub fn add<F: Real>(
+    scene: &FlatScene,
     tally: &mut Tally,
     shares: bool,
-    (slot, sample): (u32, u32),
+    (slot, sample, depth): (u32, u32, u32),
     direction: V3<F>,
     seen: &Seen<F>,
     throughput: Rgb<F>,
@@ -69,7 +70,7 @@ pub fn add<F: Real>(
         };
         tally.reuse.keep_sky(slot, sample, glimpse);
     } else {
-        tally.add(slot, sample, light);
+        tally.add(slot, sample, light, |ledger| ledger.label(scene, depth, Source::Sky));
     }
 }
 
@@ -100,8 +101,8 @@ pub fn sky(
             let of_sun = caustic::is_of_sun(suns, paths.eta_scale[i], paths.pdf[i], paths.depth[i], radiance);
             let unseen = of_sun || (hidden && depth[lane] == 0);
             if !unseen {
-                let path = (slot[lane], sample[lane]);
-                add(tally, shares && depth[lane] == 1, path, direction, &seen, throughput, lane);
+                let path = (slot[lane], sample[lane], depth[lane]);
+                add(scene, tally, shares && depth[lane] == 1, path, direction, &seen, throughput, lane);
             }
         }
     }

@@ -1,8 +1,11 @@
 //! Where contributions go: the sums of the worker's tile.
 
-use super::reuse::{Reuse, SHARED};
+use super::{
+    ledger::Ledger,
+    reuse::{FIRST, Reuse, SHARED},
+};
 use crate::{
-    film::{Sums, Unit},
+    film::{Label, Sums, Tile, Unit},
     sampling::{REPLICAS, replica},
 };
 
@@ -17,21 +20,57 @@ pub struct Tally {
     pub discarded: u64,
     /// What paths leave for one another.
     pub reuse: Reuse,
+    /// What light it is, where that is asked for.
+    pub ledger: Option<Ledger>,
 }
 
 impl Tally {
-    /// Adds light to a pixel, or to the far vertex that it was found from.
+    /// Takes over the sums of a tile.
+    pub fn of(tile: &mut Tile, unit: Unit, reuse: Reuse, ledger: Ledger) -> Self {
+        let parts = std::mem::take(&mut tile.parts);
+        let ledger = (!parts.is_empty()).then(|| ledger.with(parts));
+        Self { unit, replicas: std::mem::take(&mut tile.replicas), discarded: 0, reuse, ledger }
+    }
+
+    /// Gives the sums back to the tile; returns what keeps its memory for the next one.
+    pub fn close(self, tile: &mut Tile) -> (Reuse, Ledger) {
+        tile.replicas = self.replicas;
+        let mut ledger = self.ledger.unwrap_or_default();
+        tile.parts = std::mem::take(&mut ledger.parts);
+        (self.reuse, ledger)
+    }
+
+    /// Adds light to a pixel, or to the far vertex that it was found from; `label` says what light it is.
     #[inline]
-    pub fn add(&mut self, slot: u32, sample: u32, light: [f32; 3]) {
+    pub fn add(&mut self, slot: u32, sample: u32, light: [f32; 3], label: impl FnOnce(&Ledger) -> Label) {
         if light == [0.0; 3] {
             return;
         }
         if slot & SHARED != 0 {
             self.reuse.add(slot, sample, light);
+            if let Some(ledger) = &mut self.ledger {
+                let label = label(ledger);
+                ledger.keep(slot & !(SHARED | FIRST), sample, light, slot & FIRST != 0, label);
+            }
             return;
         }
         if !self.replicas[replica(sample)].add(self.unit, slot as usize, light) {
             self.discarded += 1;
+        } else if let Some(ledger) = &mut self.ledger {
+            let label = label(ledger);
+            ledger.add(self.unit, slot, sample, light, label);
+        }
+    }
+
+    /// Adds light to a pixel that is the sum of such parts, but for rounding.
+    pub fn add_parts(&mut self, slot: u32, sample: u32, light: [f32; 3], parts: &[(Label, [f32; 3])]) {
+        if light == [0.0; 3] {
+            return;
+        }
+        if !self.replicas[replica(sample)].add(self.unit, slot as usize, light) {
+            self.discarded += 1;
+        } else if let Some(ledger) = &mut self.ledger {
+            ledger.add_parts(self.unit, slot, sample, light, parts);
         }
     }
 }

@@ -2,19 +2,23 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::{
-    Job, Parts, Worker, schedule,
+    Job, Parts, Worker, one_path, schedule,
     surface::{self, Incoming},
 };
 use crate::{
     accel::{NO_HIT, Solid, Stacks, TOGETHER},
-    film::Tile,
+    film::{Film, LayerData, Split, Sums, Tile},
     reference::Rng,
-    render::{RenderSettings, Renderer, Sharing},
+    render::{LayerKind, RenderSettings, Renderer, Sharing},
+    sampling::REPLICAS,
     simd::V3,
-    world::{AlphaMode, LocalTransform, Material, Scene, Shape, generated},
+    world::{
+        AlphaMode, Camera, Environment, EnvironmentMap, Geometry, LocalTransform, Material, MaterialSlots, PointLight,
+        Scene, Shape, Sky, TriMesh, generated, units::Candela,
+    },
 };
 
 fn vector(v: DVec3) -> V3<f32> {
@@ -168,6 +172,116 @@ fn camera_rays_go_in_packets() {
         for max_depth in [Some(0), None] {
             let [camera, together] = rays_in_packets(scene, max_depth);
             assert!(together <= camera && together > camera * 3 / 4, "{together} of {camera}, {max_depth:?}");
+        }
+    }
+}
+
+/// Everything that light takes another way for: glass and a mirror before an emitting triangle and before the sun of a sky, what
+/// absorbs, what covers in part, lamps of all kinds, and surfaces that share.
+fn all_ways() -> Scene {
+    let mut scene = Scene::new();
+    let mut show = |mesh: TriMesh, material: Material| {
+        let material = scene.spawn((material,));
+        scene.spawn((Geometry(mesh.into()), MaterialSlots::from(material)));
+    };
+    let quad = |corner: [f32; 3], a: Vec3, b: Vec3| TriMesh::quad(corner.into(), a, b);
+    show(quad([-3.0, 0.0, 3.0], Vec3::X * 6.0, Vec3::NEG_Z * 6.0), Material::lambert(Vec3::new(0.7, 0.6, 0.5)));
+    show(quad([-3.0, 0.0, -3.0], Vec3::X * 6.0, Vec3::Y * 4.0), Material { metallic: 0.0, ..Material::default() });
+    let lamp = Material { emissive: Vec3::new(9.0, 8.0, 5.0), double_sided: true, ..Material::default() };
+    show(quad([-0.5, 3.0, -0.5], Vec3::X, Vec3::Z), lamp);
+    show(
+        quad([-2.5, 0.5, -2.9], Vec3::X * 0.5, Vec3::Y * 0.5),
+        Material { unlit: true, ..Material::lambert(Vec3::ONE) },
+    );
+    show(TriMesh::sphere(Vec3::new(-1.2, 0.7, 0.0), 0.7, 12), Material { roughness: 0.0, ..Material::default() });
+    let glass = Material { attenuation_distance: 0.5, attenuation_color: Vec3::splat(0.5), ..Material::glass(1.5) };
+    show(TriMesh::sphere(Vec3::new(1.0, 0.7, 0.6), 0.7, 12), glass);
+    scene.spawn((
+        PointLight { color: Vec3::new(1.0, 0.5, 0.2), intensity: Candela(3.0) },
+        LocalTransform::from_translation(DVec3::new(2.0, 2.0, 2.0)),
+    ));
+    let mut texels = vec![[0.1, 0.15, 0.2]; 32 * 16];
+    texels[3 * 32 + 20] = [900.0; 3];
+    let map = EnvironmentMap { name: String::new(), width: 32, height: 16, texels };
+    scene.spawn((Environment { sky: Sky::Map(map.into()), rotation_degrees: 0.0, scale: 1.0 },));
+    let eye = LocalTransform::looking_at(DVec3::new(0.5, 1.8, 5.0), DVec3::new(0.0, 0.8, 0.0), DVec3::Y);
+    scene.spawn((Camera::perspective(0.7), eye));
+    scene
+}
+
+/// The layers of each split add up to the picture's light in all 128 bits, in every pixel and replica; and all other bits
+/// are those of a picture without layers, whether pixels share or not and however paths are taken.
+#[test]
+fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
+    const SPLITS: [Split; 5] =
+        [Split::Bounces, Split::Lights, Split::Direct, Split::LightsByBounces, Split::LightsByDirect];
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut all_ways());
+    let flat = renderer.scene();
+    for (sharing, max_depth, error) in [
+        (Sharing::Always, None, None),
+        (Sharing::Off, None, None),
+        (Sharing::Always, Some(3), None),
+        (Sharing::WherePays, None, Some(0.3)),
+    ] {
+        let plain = RenderSettings {
+            width: 40,
+            height: 30,
+            spp: Some(if error.is_some() { 64 } else { 8 }),
+            sharing,
+            max_depth,
+            error,
+            ..RenderSettings::default()
+        };
+        let layers = SPLITS.map(LayerKind::Light).to_vec();
+        let with = RenderSettings { layers: layers.clone(), ..plain.clone() };
+        let (film, rendered) = schedule::film_by(flat, &with, &(), Worker::run);
+        assert!(film.splats.is_some(), "light comes from emitters too");
+        assert_eq!(rendered.picture.rgb, renderer.render(&plain, &()).picture.rgb);
+        check_parts(&film, SPLITS);
+        // However waves, tiles and threads are cut.
+        let other = RenderSettings { threads: 1, wave_size: 100, tile_size: 16, ..with.clone() };
+        assert_eq!(rendered.picture.layers, renderer.render(&other, &()).picture.layers);
+        if error.is_none() {
+            let (single, one) = schedule::film_by(flat, &with, &(), one_path::run);
+            check_parts(&single, SPLITS);
+            assert_eq!(rendered.picture.layers, one.picture.layers);
+        }
+        // None of them is there for nothing.
+        let lit = |name: &str| {
+            let layer = rendered.picture.layers.iter().find(|layer| layer.name == name);
+            let data = &layer.unwrap_or_else(|| panic!("no layer {name}")).data;
+            matches!(data, LayerData::Rgb(values) if values.iter().flatten().any(|&c| c > 0.0))
+        };
+        for name in ["bounce00", "bounce01", "bounce02", "bounce03", "light.sky", "indirect", "light.sky.bounce03"] {
+            assert!(lit(name), "{name}");
+        }
+        assert!(lit("bounce03.error"));
+    }
+}
+
+#[track_caller]
+fn check_parts(film: &Film, splits: [Split; 5]) {
+    let sum = |parts: &[[Sums; REPLICAS]], replica: usize, pixel: usize| -> [i128; 3] {
+        std::array::from_fn(|c| parts.iter().map(|part| part[replica].0[pixel][c]).sum())
+    };
+    for (row, tile) in film.tiles.iter().enumerate() {
+        for split in splits {
+            let layers = film.splits.first_of(split)..film.splits.first_of(split) + film.splits.layers_of(split);
+            let splats = film.splats.as_ref().expect("checked above");
+            let splatted: Vec<_> = layers.clone().map(|part| splats.tile(row, Some(part))).collect();
+            for (replica, pixel) in (0..REPLICAS).flat_map(|r| (0..tile.pixels()).map(move |pixel| (r, pixel))) {
+                assert_eq!(
+                    sum(&tile.parts[layers.clone()], replica, pixel),
+                    tile.replicas[replica].0[pixel],
+                    "{split:?}"
+                );
+                assert_eq!(
+                    sum(&splatted, replica, pixel),
+                    splats.tile(row, None)[replica].0[pixel],
+                    "{split:?} splats"
+                );
+            }
         }
     }
 }

@@ -44,8 +44,8 @@ use super::{
 use crate::{
     accel::{Coverage, Hit, Rays, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
-    film::{Splat, Splats},
-    flat::{FlatScene, NONE, SceneNeeds, ShadingClass, flags},
+    film::{Label, Splat, Splats},
+    flat::{FlatScene, NONE, SceneNeeds, ShadingClass, Source, flags},
     render::RenderSettings,
     sampling::{FilterDensity, Sampler},
     simd::{LANES, Mask, Real, V3},
@@ -139,6 +139,8 @@ pub struct LightWorker {
     sights: SightQueue,
     history: History,
     splats: Vec<Splat>,
+    /// What started each path of a chunk, where layers tell.
+    sources: Vec<Source>,
 }
 
 impl LightWorker {
@@ -193,7 +195,10 @@ impl LightWorker {
             // Pixels of a picture come before.
             key: sampler.pixel_hash((number >> 32) as u32, u32::MAX),
         };
-        let Self { paths, next, hits, order, sights, history, splats } = self;
+        let Self { paths, next, hits, order, sights, history, splats, sources } = self;
+        let accounts = &job.accounts;
+        let by_light = accounts.splits.by_light();
+        sources.clear();
         let rows = settings.wave_size.min(range.len());
         // A path may be scattered and go on behind a surface without a back at once.
         paths.make_room(2 * rows);
@@ -207,7 +212,14 @@ impl LightWorker {
                 let index = first.wrapping_add(started);
                 started += 1;
                 let lookups = &mut counters.texture_lookups;
-                if let Some(mut path) = light.start(scene, sampler, around.key, index, lookups) {
+                let start = light.start(scene, sampler, around.key, index, lookups);
+                if by_light {
+                    sources.push(match &start {
+                        Some(path) if path.node != NONE => Source::Chosen(path.node / 2),
+                        _ => Source::Sky,
+                    });
+                }
+                if let Some(mut path) = start {
                     if settings.absorbs {
                         path.node = history.push(on_emitter(scene, path.node));
                     }
@@ -239,7 +251,11 @@ impl LightWorker {
             counters.rays.shadow += sights.len() as u64;
             scene.accel.occluded_of(&*sights, coverage, |row, occluded| {
                 if !occluded {
-                    splat::splat(&light.filter, film, &sights.row(row), splats);
+                    let sight = sights.row(row);
+                    let number = sight.index.wrapping_sub(first).wrapping_sub(range.start) as usize;
+                    let light_row = sources.get(number).map_or(0, |&source| accounts.groups.of(scene, source));
+                    let label = Label { scatterings: sight.depth, light: light_row };
+                    splat::splat(&light.filter, film, &sight, label, splats);
                 }
             });
             std::mem::swap(paths, next);
@@ -376,6 +392,8 @@ impl Wave<'_> {
                 light_b: light[2],
                 x: std::array::from_fn(|lane| seen.sightings[lane].film[0] as f32),
                 y: std::array::from_fn(|lane| seen.sightings[lane].film[1] as f32),
+                index: at.index,
+                depth: at.depth.map(|depth| depth + 1),
             };
             sights.put(&block, seen.lanes);
         }

@@ -65,5 +65,9 @@ queue! {
         x: f32,
         /// Row on the film, pixels.
         y: f32,
+        /// Of the path.
+        index: u32,
+        /// Scatterings behind it.
+        depth: u32,
     }
 }

@@ -2,19 +2,19 @@
 
 use super::queues::Sight;
 use crate::{
-    film::{Splat, Splats},
+    film::{Label, Splat, Splats},
     sampling::FilterDensity,
 };
 
 /// Adds what all pixels of the rendered part get of a sight.
 #[inline]
-pub fn splat(filter: &FilterDensity, film: &Splats, sight: &Sight, splats: &mut Vec<Splat>) {
+pub fn splat(filter: &FilterDensity, film: &Splats, sight: &Sight, label: Label, splats: &mut Vec<Splat>) {
     let reach = filter.radius;
     let light = [sight.light_r, sight.light_g, sight.light_b];
     if reach <= 0.5 {
         // Pixels that share no light; at an edge, rounding must not give it to two.
         if let Some((tile, slot)) = film.place(sight.x.floor() as i32, sight.y.floor() as i32) {
-            splats.push(Splat { tile, slot, light });
+            splats.push(Splat { tile, slot, light, label });
         }
         return;
     }
@@ -26,7 +26,7 @@ pub fn splat(filter: &FilterDensity, film: &Splats, sight: &Sight, splats: &mut 
             if weight > 0.0
                 && let Some((tile, slot)) = film.place(x, y)
             {
-                splats.push(Splat { tile, slot, light: light.map(|c| c * weight) });
+                splats.push(Splat { tile, slot, light: light.map(|c| c * weight), label });
             }
         }
     }

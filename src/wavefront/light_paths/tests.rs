@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use super::{History, LightPaths, Node, Targets, splat};
 use crate::{
-    film::{Film, Splats, Unit},
+    film::{Film, Label, Splats, Unit},
     flat::{FlatScene, MaterialRow, NONE, flags},
     reference::Rng,
     render::{PixelFilter, RenderSettings, Renderer},
@@ -70,7 +70,7 @@ fn splats_fall_on_the_pixels_whose_filters_reach_them() {
             let sight = super::queues::Sight { light_r: 1.0, light_g: 2.0, x, y, ..Default::default() };
             let splats: &Splats = film.splats.as_ref().expect("kept");
             let mut list = Vec::new();
-            splat::splat(&filter, splats, &sight, &mut list);
+            splat::splat(&filter, splats, &sight, Label::default(), &mut list);
             splats.add(1, &mut list);
             splats.finish(1);
             assert_eq!((splats.samples(), splats.discarded(), list.len()), ([0, 1, 0, 0], 0, 0));

@@ -1,0 +1,193 @@
+//! How the light of a picture is split into layers: by the scatterings behind it, by the light that it came from, or by both.
+//!
+//! The rendering equation's solution is the series L = E + KE + K²E + … (Kajiya 1986, "The Rendering Equation", section 3): the light
+//! with n scatterings behind it is Kⁿ E. Each contribution to a picture is one of these terms, of one light; so each split
+//! is a partition of the picture's light, and its layers add up to the picture.
+
+/// Layers of their own for scatterings, where nothing bounds them: E to K¹⁶E.
+const OWN_LAYERS: u32 = 16;
+
+/// What is known of a piece of light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Label {
+    /// Scatterings behind it.
+    pub scatterings: u32,
+    /// Which of the scene's lights it came from, as [`LightGroups`](crate::flat::LightGroups) counts them.
+    pub light: u32,
+}
+
+/// A way of splitting light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// By the number of scatterings behind it: `bounce00` is E, `bounce01` is KE and so on. Without a bound on the depth,
+    /// what has more than 16 behind it is `bounce17-on`.
+    Bounces,
+    /// By the entity that it was emitted from: `light.<name>`.
+    Lights,
+    /// `direct` is E + KE, `indirect` all else.
+    Direct,
+    /// By both: `light.<name>.bounce00` and so on.
+    LightsByBounces,
+    /// By both: `light.<name>.direct` and `light.<name>.indirect`.
+    LightsByDirect,
+}
+
+/// All the layers of light of a picture.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Splits {
+    kinds: Vec<Split>,
+    /// Scatterings of the last layer that has no others in it.
+    deepest: u32,
+    /// Paths may have more scatterings.
+    open: bool,
+    /// Lights in the scene.
+    lights: u32,
+}
+
+impl Splits {
+    /// For paths of so many scatterings, in a scene with so many lights.
+    pub fn new(kinds: impl IntoIterator<Item = Split>, max_depth: Option<u32>, lights: u32) -> Self {
+        let deepest = max_depth.unwrap_or(u32::MAX).min(OWN_LAYERS.max(max_depth.unwrap_or(0).min(99)));
+        let mut all = Vec::new();
+        for kind in kinds {
+            if !all.contains(&kind) {
+                all.push(kind);
+            }
+        }
+        Self { kinds: all, deepest, open: max_depth.is_none_or(|most| most > deepest), lights }
+    }
+
+    /// True if light is not split.
+    pub fn is_empty(&self) -> bool {
+        self.kinds.is_empty()
+    }
+
+    /// True if some layer says which light it came from.
+    pub fn by_light(&self) -> bool {
+        self.kinds.iter().any(|kind| kind.by_light())
+    }
+
+    /// Layers by the number of scatterings.
+    fn depths(&self) -> u32 {
+        self.deepest + 1 + u32::from(self.open)
+    }
+
+    /// Layers of a split.
+    pub fn layers_of(&self, kind: Split) -> usize {
+        let parts = match kind {
+            Split::Bounces | Split::LightsByBounces => self.depths(),
+            Split::Direct | Split::LightsByDirect => 2,
+            Split::Lights => 1,
+        };
+        parts as usize * if kind.by_light() { self.lights as usize } else { 1 }
+    }
+
+    /// All layers.
+    pub fn layers(&self) -> usize {
+        self.kinds.iter().map(|&kind| self.layers_of(kind)).sum()
+    }
+
+    /// First layer of a split.
+    pub fn first_of(&self, kind: Split) -> usize {
+        self.kinds.iter().take_while(|&&other| other != kind).map(|&other| self.layers_of(other)).sum()
+    }
+
+    /// The layers that light belongs to: one of each split.
+    #[inline]
+    pub fn of(&self, label: Label) -> impl Iterator<Item = usize> + '_ {
+        let mut first = 0;
+        self.kinds.iter().map(move |&kind| {
+            let depth = label.scatterings.min(self.depths() - 1);
+            let late = u32::from(label.scatterings > 1);
+            let layer = match kind {
+                Split::Bounces => depth,
+                Split::Direct => late,
+                Split::Lights => label.light,
+                Split::LightsByBounces => label.light * self.depths() + depth,
+                Split::LightsByDirect => label.light * 2 + late,
+            };
+            let before = first;
+            first += self.layers_of(kind);
+            before + layer as usize
+        })
+    }
+
+    /// Names of the layers of a split, of lights with such names.
+    pub fn names(&self, kind: Split, lights: &[String]) -> Vec<String> {
+        let bounces = || {
+            let own = (0..=self.deepest).map(|n| format!("bounce{n:02}"));
+            own.chain(self.open.then(|| format!("bounce{:02}-on", self.deepest + 1)))
+        };
+        let direct = || ["direct", "indirect"].map(str::to_owned).into_iter();
+        let light =
+            |row: u32| format!("light.{}", lights.get(row as usize).cloned().unwrap_or_else(|| row.to_string()));
+        let rows = 0..self.lights;
+        match kind {
+            Split::Bounces => bounces().collect(),
+            Split::Direct => direct().collect(),
+            Split::Lights => rows.map(light).collect(),
+            Split::LightsByBounces => {
+                rows.flat_map(|row| bounces().map(move |part| format!("{}.{part}", light(row)))).collect()
+            }
+            Split::LightsByDirect => {
+                rows.flat_map(|row| direct().map(move |part| format!("{}.{part}", light(row)))).collect()
+            }
+        }
+    }
+}
+
+impl Split {
+    /// True if its layers say which light they came from.
+    pub fn by_light(self) -> bool {
+        matches!(self, Self::Lights | Self::LightsByBounces | Self::LightsByDirect)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Split; 5] =
+        [Split::Bounces, Split::LightsByDirect, Split::Direct, Split::Lights, Split::LightsByBounces];
+
+    /// Each piece of light has one layer of each split, which has the name that says what it is.
+    #[test]
+    fn every_split_is_a_partition_and_its_layers_are_named_after_what_is_in_them() {
+        let lights = ["lamp".to_owned(), "sky".into(), "lamp.001".into()];
+        for (max_depth, last) in [(None, "bounce17-on"), (Some(4), "bounce04"), (Some(30), "bounce30")] {
+            let splits = Splits::new(ALL, max_depth, 3);
+            let names: Vec<String> = ALL.iter().flat_map(|&kind| splits.names(kind, &lights)).collect();
+            assert_eq!(names.len(), splits.layers());
+            let mut met = vec![false; names.len()];
+            for scatterings in 0..=max_depth.unwrap_or(40) {
+                for light in 0..3 {
+                    let layers: Vec<usize> = splits.of(Label { scatterings, light }).collect();
+                    let name = &lights[light as usize];
+                    let depth = format!("bounce{scatterings:02}");
+                    let depth = if max_depth.is_none() && scatterings > 16 { last } else { &depth };
+                    let direct = if scatterings < 2 { "direct" } else { "indirect" };
+                    let want = [
+                        depth.to_owned(),
+                        format!("light.{name}.{direct}"),
+                        direct.into(),
+                        format!("light.{name}"),
+                        format!("light.{name}.{depth}"),
+                    ];
+                    assert_eq!(layers.iter().map(|&layer| names[layer].clone()).collect::<Vec<_>>(), want);
+                    layers.iter().for_each(|&layer| met[layer] = true);
+                }
+            }
+            assert!(met.iter().all(|&met| met), "no layer is without use");
+            for kind in ALL {
+                assert_eq!(names[splits.first_of(kind)], splits.names(kind, &lights)[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_split_where_nothing_is_asked_for() {
+        let splits = Splits::new([], None, 7);
+        assert!(splits.is_empty() && !splits.by_light());
+        assert_eq!((splits.layers(), splits.of(Label::default()).count()), (0, 0));
+    }
+}

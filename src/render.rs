@@ -6,6 +6,7 @@ pub use crate::accel::{AccelKind, Quality};
 use crate::{
     film::{Picture, PictureError, Split},
     flat::FlatScene,
+    measure::student::Estimate,
     systems::Systems,
     wavefront,
     world::{Environment, Name, Scene, SceneKey},
@@ -212,6 +213,17 @@ pub struct StageStats {
     pub lane_fill: f64,
 }
 
+/// The mean of a layer of light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartMean {
+    /// Its name.
+    pub layer: String,
+    /// By channel, nit.
+    pub mean: [Estimate; 3],
+    /// Luminance, nit.
+    pub luminance: Estimate,
+}
+
 /// What a render did.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderStats {
@@ -229,6 +241,8 @@ pub struct RenderStats {
     pub counters: Vec<(&'static str, u64)>,
     /// Contributions that were not finite, by reason.
     pub discarded: Vec<(&'static str, u64)>,
+    /// Of each layer of light in parts, the mean over the picture, nit; empty below four samples per pixel.
+    pub parts: Vec<PartMean>,
     /// What the picture's samples say of its error; `None` below four per pixel.
     pub error: Option<PictureError>,
     /// Threads that worked.
@@ -261,7 +275,8 @@ pub struct SyncReport {
 ///
 /// Tables know no names: of an entity with the key 7, [`Renderer::render`] calls a layer `light.7`. After this it is `light.lamp`
 /// if the entity has that [`Name`], and `light.lamp#2` if another one before has it too. The sky is called after its entity, or `sky`.
-pub fn name_lights(picture: &mut Picture, scene: &Scene) {
+pub fn name_lights(rendered: &mut Rendered, scene: &Scene) {
+    let picture = &mut rendered.picture;
     let keys: Vec<String> = {
         let of_light = picture.layers.iter().filter_map(|layer| layer.name.strip_prefix("light."));
         let mut keys: Vec<_> = of_light.map(|rest| rest.split('.').next().unwrap_or(rest).to_owned()).collect();
@@ -281,11 +296,12 @@ pub fn name_lights(picture: &mut Picture, scene: &Scene) {
         let unique = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}#{n}") }).find(|n| !is_taken(n));
         names.push((key, unique.unwrap_or(name)));
     }
-    for layer in &mut picture.layers {
-        let Some(rest) = layer.name.strip_prefix("light.") else { continue };
+    let layers = picture.layers.iter_mut().map(|layer| &mut layer.name);
+    for layer in layers.chain(rendered.stats.parts.iter_mut().map(|part| &mut part.layer)) {
+        let Some(rest) = layer.strip_prefix("light.") else { continue };
         let (key, part) = rest.split_once('.').map_or((rest, None), |(key, part)| (key, Some(part)));
         if let Some((_, name)) = names.iter().find(|(of, _)| of == key) {
-            layer.name = part.map_or_else(|| format!("light.{name}"), |part| format!("light.{name}.{part}"));
+            *layer = part.map_or_else(|| format!("light.{name}"), |part| format!("light.{name}.{part}"));
         }
     }
 }

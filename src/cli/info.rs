@@ -8,7 +8,7 @@ use wavecast::{
     render::Renderer,
 };
 
-use super::{Outcome, console::Console, error::CliError, memory, render::camera_names, structure::AccelArgs};
+use super::{Outcome, console::Console, error::CliError, memory, scene::camera_names, structure::AccelArgs};
 
 /// Say what is in a scene, what is ignored or approximated, and what it needs and skips
 #[derive(clap::Args)]

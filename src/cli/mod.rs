@@ -10,9 +10,13 @@ mod console;
 mod error;
 mod info;
 mod interrupt;
+mod label;
 mod memory;
+mod plot;
 mod progress;
 mod render;
+mod scene;
+mod series;
 mod stats;
 mod structure;
 
@@ -54,6 +58,7 @@ struct Common {
 #[derive(Subcommand)]
 enum Command {
     Render(Box<render::Args>),
+    Series(Box<series::Args>),
     Info(info::Args),
     Compare(compare::Args),
     Bench(Box<bench::Args>),
@@ -81,6 +86,7 @@ pub fn run() -> ExitCode {
     }
     let ended = start(&cli.common).and_then(|()| match cli.command {
         Command::Render(args) => render::run(*args, &cli.common, &mut console),
+        Command::Series(args) => series::run(&args, &cli.common, &mut console),
         Command::Info(args) => info::run(&args, &mut console),
         Command::Compare(args) => compare::run(&args, &mut console),
         Command::Bench(args) => bench::run(&args, &mut console),

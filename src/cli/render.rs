@@ -2,34 +2,27 @@
 
 use std::{
     ops::Range,
-    path::{Path, PathBuf},
-    sync::Arc,
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
 use wavecast::{
     film::{self, Exposure, Format},
     flat::CameraView,
-    load::{self, CameraInfo, LoadOptions},
-    render::{RenderSettings, Renderer, Sharing, name_lights},
-    world::{Camera, Environment, Name, Scene, SceneKey, Sky},
+    render::{RenderSettings, Sharing, name_lights},
 };
 
 use super::{
     Common, Outcome,
-    args::{self, Crop, DisplayArgs, EnvArg, FilterArg, LayerArg, SamplerArg, Size},
+    args::{self, Crop, DisplayArgs, FilterArg, LayerArg, SamplerArg, Size},
     console::Console,
     error::CliError,
     interrupt,
     progress::Watcher,
+    scene::{Opened, SceneArgs, default_size},
     stats::{self, Report, Seconds},
-    structure::AccelArgs,
 };
 
-/// Width of a picture of which only the shape is known.
-const DEFAULT_WIDTH: u32 = 1280;
-/// Shape of a picture where neither the user nor the camera says.
-const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 /// Samples per pixel where nothing says when to stop.
 const DEFAULT_SPP: u32 = 64;
 
@@ -38,9 +31,8 @@ const DEFAULT_SPP: u32 = 64;
 #[command(after_help = "Example:
   wavecast render scenes/cornell.gltf -o cornell.png -o cornell.exr --spp 256 --layers albedo,normal")]
 pub struct Args {
-    /// The scene, .gltf or .glb
-    #[arg(value_name = "SCENE")]
-    scene_file: PathBuf,
+    #[command(flatten)]
+    scene: SceneArgs,
     /// Where the picture goes: .exr, .png or .hdr; may be given several times
     #[arg(short, long = "output", value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
@@ -60,21 +52,6 @@ pub struct Args {
     /// Take samples A up to but not including B of each pixel
     #[arg(long, value_name = "A..B", value_parser = args::samples, conflicts_with = "spp")]
     samples: Option<Range<u32>>,
-    /// Camera by name or index [default: the first one; none: one that frames the scene]
-    #[arg(long, value_name = "NAME|INDEX")]
-    camera: Option<String>,
-    /// Scene by name or index [default: the file's]
-    #[arg(long, value_name = "NAME|INDEX")]
-    scene: Option<String>,
-    /// Environment: a lat-long picture in nit, or R,G,B in nit
-    #[arg(long, value_name = "FILE|R,G,B", value_parser = args::env)]
-    env: Option<EnvArg>,
-    /// Turn the environment about +Y, counter-clockwise seen from above
-    #[arg(long, value_name = "DEGREES", value_parser = args::finite, allow_hyphen_values = true, requires = "env")]
-    env_rotate: Option<f32>,
-    /// Multiply the environment's light
-    #[arg(long, value_name = "X", value_parser = args::not_negative, requires = "env")]
-    env_scale: Option<f32>,
     /// Most scatterings along a path: 0 is emission, 1 direct light [default: no limit]
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
@@ -100,8 +77,6 @@ pub struct Args {
     #[arg(long)]
     no_reuse: bool,
     #[command(flatten)]
-    accel: AccelArgs,
-    #[command(flatten)]
     display: DisplayArgs,
     /// Further layers of the EXR, such as albedo,error
     #[arg(long, value_name = "LAYER,…", value_enum, value_delimiter = ',')]
@@ -125,30 +100,10 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome, CliError> {
     let start = Instant::now();
     let mut seconds = Seconds::default();
-    let accel = args.accel.kind()?;
     check_outputs(&args, console)?;
-
-    let options = LoadOptions { scene: args.scene.as_deref().map(Into::into) };
-    let mut loaded = load::load(&args.scene_file, &options)?;
-    loaded.warnings.iter().for_each(|warning| console.warn(warning));
-    let scene = &mut loaded.scene;
-    if let Some(env) = &args.env {
-        let (rotation, scale) = (args.env_rotate.unwrap_or(0.0), args.env_scale.unwrap_or(1.0));
-        set_environment(scene, env, rotation, scale, console)?;
-    }
-    choose_camera(scene, &loaded.info.cameras, &args, console)?;
-    seconds.load = start.elapsed().as_secs_f64();
-
-    let sync_start = Instant::now();
-    let mut renderer = Renderer::new();
-    renderer.accel = accel;
-    let report = renderer.sync(scene);
-    report.warnings.iter().for_each(|warning| console.warn(warning));
-    if renderer.scene().lights.default_sky {
-        console.warn("no light in the scene: using a uniform environment of 1 nit");
-    }
-    seconds.sync = sync_start.elapsed().as_secs_f64();
-    let accel = args.accel.report(renderer.scene(), report.build_time);
+    let Opened { scene, renderer, load_time, sync_time, build_time } = args.scene.open(console)?;
+    (seconds.load, seconds.sync) = (load_time.as_secs_f64(), sync_time.as_secs_f64());
+    let accel = args.scene.accel.report(renderer.scene(), build_time);
 
     let settings = settings(&args, common, &renderer.scene().camera)?;
     interrupt::keep_from_now_on();
@@ -162,7 +117,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
 
     let write_start = Instant::now();
     rendered.picture.metadata = metadata(&args, &settings, rendered.stats.spp);
-    name_lights(&mut rendered.picture, scene);
+    name_lights(&mut rendered, &scene);
     for path in &args.output {
         film::write(path, &rendered.picture, &args.display.options(Exposure::default()))?;
     }
@@ -170,7 +125,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     seconds.total = start.elapsed().as_secs_f64();
 
     let report = Report {
-        scene: &args.scene_file,
+        scene: &args.scene.file,
         outputs: &args.output,
         settings: &settings,
         needs: renderer.scene().needs,
@@ -212,71 +167,6 @@ fn check_outputs(args: &Args, console: &mut Console) -> Result<(), CliError> {
         console.warn("Radiance files have no alpha: the background is black there");
     }
     Ok(())
-}
-
-/// Puts the environment asked for in the place of the scene's own.
-pub fn set_environment(
-    scene: &mut Scene,
-    env: &EnvArg,
-    rotation_degrees: f32,
-    scale: f32,
-    console: &mut Console,
-) -> Result<(), CliError> {
-    let sky = match env {
-        EnvArg::Constant(radiance) => Sky::Constant((*radiance).into()),
-        EnvArg::File(path) => {
-            let (map, warnings) = load::load_environment(path)?;
-            warnings.iter().for_each(|warning| console.warn(warning));
-            Sky::Map(Arc::new(map))
-        }
-    };
-    let environment = Environment { sky, rotation_degrees, scale };
-    let existing = scene.keys_with::<Environment>();
-    if existing.is_empty() {
-        scene.spawn((environment,));
-    } else {
-        for key in existing {
-            scene.insert(key, environment.clone());
-        }
-    }
-    Ok(())
-}
-
-/// Finds the camera by the name of its node, else by its own, else by its place among the scene's.
-fn choose_camera(scene: &mut Scene, in_file: &[CameraInfo], args: &Args, console: &Console) -> Result<(), CliError> {
-    let cameras = scene.keys_with::<Camera>();
-    let Some(wanted) = &args.camera else {
-        if cameras.is_empty() {
-            console.note("no camera in the scene: using one that frames it");
-        }
-        return Ok(());
-    };
-    let node = |key: &SceneKey| scene.get::<Name>(*key).is_some_and(|name| *name.0 == **wanted);
-    let own = |key: &SceneKey| in_file.iter().any(|camera| camera.name == *wanted && camera.keys.contains(key));
-    let index = wanted.parse().ok().and_then(|index: usize| cameras.get(index));
-    let found = cameras.iter().find(|key| node(key)).or_else(|| cameras.iter().find(|key| own(key))).or(index);
-    if found.is_none() {
-        let names = camera_names(scene, in_file);
-        let list: Vec<_> = names.iter().enumerate().map(|(i, name)| format!("{i} {name:?}")).collect();
-        let available = if list.is_empty() { "none in the scene".into() } else { list.join(", ") };
-        return Err(CliError::NoCamera { scene: args.scene_file.clone(), wanted: wanted.clone(), available });
-    }
-    scene.active_camera = found.copied();
-    Ok(())
-}
-
-/// Names of the scene's cameras in the order of their indices: the node's, else their own.
-pub fn camera_names(scene: &Scene, in_file: &[CameraInfo]) -> Vec<String> {
-    let own = |key| in_file.iter().find(|camera| camera.keys.contains(&key)).map(|camera| camera.name.clone());
-    let name = |key| scene.get::<Name>(key).map(|name| name.0.to_string()).or_else(|| own(key)).unwrap_or_default();
-    scene.keys_with::<Camera>().into_iter().map(name).collect()
-}
-
-/// 1280 pixels wide in the shape that the camera asks for.
-fn default_size(camera: &CameraView) -> [u32; 2] {
-    let aspect = camera.aspect.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
-    let height = (DEFAULT_WIDTH as f32 / aspect).round().clamp(1.0, 65_536.0);
-    [DEFAULT_WIDTH, height as u32]
 }
 
 fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderSettings, CliError> {
@@ -329,9 +219,8 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
 
 /// What decides the pixels, as text for the files.
 fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, String)> {
-    let name = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let mut pairs = vec![
-        ("scene".to_owned(), name(&args.scene_file)),
+    let mut pairs = args.scene.metadata();
+    pairs.extend([
         ("size".into(), format!("{}x{}", settings.width, settings.height)),
         ("spp".into(), spp.to_string()),
         ("seed".into(), settings.seed.to_string()),
@@ -341,22 +230,11 @@ fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, St
         ("terminator-fix".into(), settings.terminator_fix.to_string()),
         ("transparent".into(), settings.transparent.to_string()),
         ("reuse".into(), (settings.sharing != Sharing::Off).to_string()),
-    ];
+    ]);
     let mut add = |key: &str, value: Option<String>| pairs.extend(value.map(|value| (key.to_owned(), value)));
-    add("scene-name", args.scene.clone());
-    add("camera", args.camera.clone());
     add("crop", settings.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
     add("error", settings.error.map(|error| error.to_string()));
     add("samples", settings.samples.as_ref().map(|range| format!("{}..{}", range.start, range.end)));
-    add(
-        "env",
-        args.env.as_ref().map(|env| match env {
-            EnvArg::Constant([r, g, b]) => format!("{r},{g},{b}"),
-            EnvArg::File(path) => name(path),
-        }),
-    );
-    add("env-rotate", args.env_rotate.map(|degrees| degrees.to_string()));
-    add("env-scale", args.env_scale.map(|scale| scale.to_string()));
     pairs
 }
 
@@ -414,54 +292,10 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_1280_wide_in_the_shape_of_its_camera() {
-        let camera = |aspect| CameraView { aspect, ..CameraView::default() };
-        assert_eq!(default_size(&camera(None)), [1280, 720]);
-        assert_eq!(default_size(&camera(Some(2.0))), [1280, 640]);
-        assert_eq!(default_size(&camera(Some(f32::NAN))), [1280, 720]);
-        assert_eq!(default_size(&camera(Some(1e9))), [1280, 1]);
-    }
-
-    #[test]
     fn a_crop_beyond_the_picture_is_bad_usage() {
         let (args, common) = parse("--size 64x48 --crop 60,0,5,5");
         let error = settings(&args, &common, &CameraView::default()).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("64 × 48"), "{error}");
-    }
-
-    #[test]
-    fn cameras_are_found_by_name_then_by_index() {
-        let mut scene = Scene::new();
-        let spawn = |scene: &mut Scene, name: &str| scene.spawn((Name(name.into()), Camera::perspective(1.0)));
-        let keys = [spawn(&mut scene, "left"), spawn(&mut scene, "0"), spawn(&mut scene, "right")];
-        let console = Console::new(true, false);
-        let in_file = [CameraInfo { name: "wide".into(), keys: vec![keys[2]] }];
-        let mut choose = |line: &str| {
-            let (args, _) = parse(line);
-            choose_camera(&mut scene, &in_file, &args, &console).map(|()| scene.active_camera)
-        };
-        assert_eq!(choose("").unwrap(), None);
-        assert_eq!(choose("--camera right").unwrap(), Some(keys[2]));
-        assert_eq!(choose("--camera wide").unwrap(), Some(keys[2]), "the camera's own name");
-        assert_eq!(choose("--camera 2").unwrap(), Some(keys[2]));
-        assert_eq!(choose("--camera 0").unwrap(), Some(keys[1]), "a name comes before an index");
-        let error = choose("--camera top").unwrap_err();
-        assert!(error.to_string().contains("0 \"left\", 1 \"0\", 2 \"right\""), "{error}");
-        assert_eq!(error.exit_code(), 1);
-    }
-
-    #[test]
-    fn the_environment_asked_for_replaces_the_scenes_own() {
-        let mut scene = Scene::new();
-        let own = scene.spawn((Environment::constant(glam::Vec3::ONE),));
-        let (args, _) = parse("--env 1,2,3 --env-rotate -90 --env-scale 2");
-        let (rotation, scale) = (args.env_rotate.unwrap(), args.env_scale.unwrap());
-        let console = &mut Console::new(true, false);
-        set_environment(&mut scene, args.env.as_ref().unwrap(), rotation, scale, console).unwrap();
-        assert_eq!(scene.keys_with::<Environment>(), [own]);
-        let want =
-            Environment { sky: Sky::Constant(glam::Vec3::new(1.0, 2.0, 3.0)), rotation_degrees: -90.0, scale: 2.0 };
-        assert_eq!(scene.get::<Environment>(own), Some(want));
     }
 }

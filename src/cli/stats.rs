@@ -6,7 +6,8 @@ use serde_json::{Map, Value, json};
 use wavecast::{
     film::PictureError,
     flat::SceneNeeds,
-    render::{RenderSettings, RenderStats},
+    measure::series::tail,
+    render::{PartMean, RenderSettings, RenderStats},
 };
 
 use super::structure::AccelReport;
@@ -67,6 +68,8 @@ pub fn json(report: &Report) -> Value {
         "counters": counts(&stats.counters),
         "peak_rss_bytes": peak_rss_bytes(),
         "error": error(stats.error.as_ref()),
+        "light": light(&stats.parts),
+        "cut_off": cut_off(stats, settings),
         "needed": report.needs.names(false),
         "skipped": report.needs.names(true),
         "discarded_samples": counts(&stats.discarded),
@@ -88,6 +91,30 @@ fn error(error: Option<&PictureError>) -> Value {
         "mean_from": interval(0),
         "mean_to": interval(1),
     })
+}
+
+/// Means of the layers of light in parts.
+pub fn light(parts: &[PartMean]) -> Vec<Value> {
+    let row = |part: &PartMean| {
+        let interval = |end: usize| part.mean.map(|channel| channel.interval(0.95)[end]);
+        json!({
+            "layer": part.layer,
+            "mean": part.mean.map(|channel| channel.value),
+            "mean_from": interval(0),
+            "mean_to": interval(1),
+            "luminance": part.luminance.value,
+            "luminance_interval": part.luminance.interval(0.95),
+        })
+    };
+    parts.iter().map(row).collect()
+}
+
+/// What a limit of scatterings took away, where layers by bounces tell.
+fn cut_off(stats: &RenderStats, settings: &RenderSettings) -> Option<[f64; 3]> {
+    let depth = settings.max_depth?;
+    let last = |n: u32| stats.parts.iter().find(|part| part.layer == format!("bounce{n:02}"));
+    let terms = (depth.saturating_sub(2)..=depth).map(|n| last(n).map(|part| part.mean));
+    tail(&terms.collect::<Option<Vec<_>>>()?)
 }
 
 fn counts(pairs: &[(&'static str, u64)]) -> Map<String, Value> {

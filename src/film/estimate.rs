@@ -6,9 +6,10 @@
 
 use rayon::prelude::*;
 
-use super::{BLOCK, Film, Tile};
+use super::{BLOCK, Film, Tile, luminance};
 use crate::{
     measure::student::{Estimate, student_factor},
+    render::PartMean,
     sampling::REPLICAS,
 };
 
@@ -71,7 +72,7 @@ impl Film {
         if self.tiles.iter().any(|tile| tile.samples.contains(&0)) {
             return None;
         }
-        let mean = self.mean(None);
+        let mean = self.mean(None).0;
         let floor = 0.01 * (mean.iter().map(|channel| channel.value).sum::<f64>() / 3.0).powi(2);
         let by_tile: Vec<Vec<Block>> =
             self.tiles.par_iter().enumerate().map(|(row, tile)| self.block_errors(row, tile, floor)).collect();
@@ -93,9 +94,10 @@ impl Film {
         Some(PictureError { relmse: error / values, upper95: upper / values, mean })
     }
 
-    /// Means over the pixels of all light or of a part of it, each with the variance that the blocks' replicas show.
-    pub fn mean(&self, part: Option<usize>) -> [Estimate; 3] {
-        let sums: Vec<Vec<[Estimate; 3]>> = self
+    /// Means over the pixels of all light or of a part of it, each with the variance that the blocks' replicas show; and that of
+    /// their luminance.
+    pub fn mean(&self, part: Option<usize>) -> ([Estimate; 3], Estimate) {
+        let sums: Vec<Vec<[Estimate; 4]>> = self
             .tiles
             .par_iter()
             .enumerate()
@@ -108,13 +110,29 @@ impl Film {
                             std::array::from_fn(|c| sum[c] + x[c])
                         })
                     });
-                    std::array::from_fn(|c| self.estimate(tile, sums.map(|sum| sum[c])))
+                    let channel = |c: usize| self.estimate(tile, sums.map(|sum| sum[c]));
+                    [channel(0), channel(1), channel(2), self.estimate(tile, sums.map(luminance))]
                 };
                 self.blocks_of(tile).iter().map(block).collect()
             })
             .collect();
         let share = 1.0 / (f64::from(self.window[2]) * f64::from(self.window[3]));
-        std::array::from_fn(|c| Estimate::sum(sums.iter().flatten().map(|block| (share, block[c]))))
+        let all = |c: usize| Estimate::sum(sums.iter().flatten().map(|block| (share, block[c])));
+        ([all(0), all(1), all(2)], all(3))
+    }
+
+    /// The means of all layers of light in parts, in their order.
+    pub fn part_means(&self) -> Vec<PartMean> {
+        let names = self.layers.iter().filter_map(|kind| kind.split());
+        let names = names.flat_map(|split| {
+            let first = self.splits.first_of(split);
+            self.splits.names(split, &self.lights).into_iter().enumerate().map(move |(i, name)| (first + i, name))
+        });
+        let mean = |(part, layer)| {
+            let (mean, luminance) = self.mean(Some(part));
+            PartMean { layer, mean, luminance }
+        };
+        names.map(mean).collect()
     }
 
     /// What replicas say together.

@@ -30,11 +30,9 @@ pub use self::{
     splits::{Label, Split, Splits},
     sums::{Sums, Unit},
     tiles::{BLOCK, Film, Tile},
-    tonemap::{Exposure, ToneMap, srgb_decode, srgb_encode},
+    tonemap::{Exposure, ToneMap, luminance, srgb_decode, srgb_encode},
     write::{Format, WriteOptions, check_writable, discard_unfinished, write, write_file},
 };
-
-pub(crate) use self::tonemap::luminance;
 
 #[cfg(test)]
 mod tests;

@@ -4,8 +4,8 @@
 //! with n scatterings behind it is Kⁿ E. Each contribution to a picture is one of these terms, of one light; so each split
 //! is a partition of the picture's light, and its layers add up to the picture.
 
-/// Layers of their own for scatterings, where nothing bounds them: E to K¹⁶E.
-const OWN_LAYERS: u32 = 16;
+/// Scatterings of the last layer of its own, where nothing bounds them: E to K¹⁷E, which is sixteen bounces of indirect light.
+const OWN_LAYERS: u32 = 17;
 
 /// What is known of a piece of light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub struct Label {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
     /// By the number of scatterings behind it: `bounce00` is E, `bounce01` is KE and so on. Without a bound on the depth,
-    /// what has more than 16 behind it is `bounce17-on`.
+    /// what has more than 17 behind it is `bounce18-on`.
     Bounces,
     /// By the entity that it was emitted from: `light.<name>`.
     Lights,
@@ -112,6 +112,11 @@ impl Splits {
         })
     }
 
+    /// Scatterings of the layers of [`Split::Bounces`]: of the last one at least as many, if it is open.
+    pub fn depth(&self) -> (u32, bool) {
+        (self.depths() - 1, self.open)
+    }
+
     /// Names of the layers of a split, of lights with such names.
     pub fn names(&self, kind: Split, lights: &[String]) -> Vec<String> {
         let bounces = || {
@@ -154,7 +159,7 @@ mod tests {
     #[test]
     fn every_split_is_a_partition_and_its_layers_are_named_after_what_is_in_them() {
         let lights = ["lamp".to_owned(), "sky".into(), "lamp.001".into()];
-        for (max_depth, last) in [(None, "bounce17-on"), (Some(4), "bounce04"), (Some(30), "bounce30")] {
+        for (max_depth, last) in [(None, "bounce18-on"), (Some(4), "bounce04"), (Some(30), "bounce30")] {
             let splits = Splits::new(ALL, max_depth, 3);
             let names: Vec<String> = ALL.iter().flat_map(|&kind| splits.names(kind, &lights)).collect();
             assert_eq!(names.len(), splits.layers());
@@ -164,7 +169,7 @@ mod tests {
                     let layers: Vec<usize> = splits.of(Label { scatterings, light }).collect();
                     let name = &lights[light as usize];
                     let depth = format!("bounce{scatterings:02}");
-                    let depth = if max_depth.is_none() && scatterings > 16 { last } else { &depth };
+                    let depth = if max_depth.is_none() && scatterings > 17 { last } else { &depth };
                     let direct = if scatterings < 2 { "direct" } else { "indirect" };
                     let want = [
                         depth.to_owned(),

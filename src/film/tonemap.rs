@@ -54,8 +54,8 @@ fn auto_factor(picture: &Picture) -> f32 {
     if count == 0 { 1.0 } else { (0.18 / (sum / count as f64).exp()) as f32 }
 }
 
-/// Relative luminance of linear Rec.709.
-pub(crate) fn luminance([r, g, b]: [f64; 3]) -> f64 {
+/// Luminance of linear Rec.709 light, in its unit.
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 

@@ -4,6 +4,7 @@ pub mod converged;
 pub mod flip;
 pub mod heat;
 pub mod metrics;
+pub mod series;
 pub mod ssim;
 pub mod statistics;
 pub mod student;

@@ -353,6 +353,9 @@ pub(super) fn film_by(
         }
         stats.seconds = start.elapsed().as_secs_f64();
         stats.error = film.error();
+        if stats.error.is_some() {
+            stats.parts = film.part_means();
+        }
         film.resolve()
     };
     let picture = match rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build() {

@@ -67,8 +67,9 @@ fn layers_add_up_to_the_picture_to_rounding() {
         let splits = if many { vec![Split::Bounces, Split::Direct, Split::Lights] } else { SPLITS.to_vec() };
         let plain = RenderSettings { width: 24, height: 16, spp: Some(8), ..RenderSettings::default() };
         let layers = splits.iter().map(|&split| LayerKind::Light(split)).collect();
-        let mut picture = renderer.render(&RenderSettings { layers, ..plain.clone() }, &()).picture;
-        name_lights(&mut picture, &scene);
+        let mut rendered = renderer.render(&RenderSettings { layers, ..plain.clone() }, &());
+        name_lights(&mut rendered, &scene);
+        let picture = rendered.picture;
         assert_eq!(picture.rgb, renderer.render(&plain, &()).picture.rgb, "{}", file.display());
         let groups = groups(&picture);
         assert_eq!(groups.len(), splits.len(), "{groups:?}");
@@ -230,9 +231,10 @@ fn layers_of_lights_are_named_after_their_entities() {
     let mut renderer = Renderer::new();
     renderer.sync(&mut scene);
     let layers = vec![LayerKind::Light(Split::LightsByDirect)];
-    let mut picture = renderer.render(&RenderSettings { layers, ..settings(8, 1) }, &()).picture;
-    name_lights(&mut picture, &scene);
-    let names: Vec<&str> = picture.layers.iter().map(|layer| layer.name.as_str()).collect();
+    let mut rendered = renderer.render(&RenderSettings { layers, ..settings(8, 4) }, &());
+    name_lights(&mut rendered, &scene);
+    assert_eq!(rendered.stats.parts[0].layer, rendered.picture.layers[0].name);
+    let names: Vec<&str> = rendered.picture.layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names.len(), 20);
     for want in ["light.ball of 0.42 m.direct", "light.ball of 0.42 m#2.indirect", "light.ball of 0.95 m.direct.error"]
     {

@@ -1,28 +1,15 @@
 //! Tables as pictures.
 
-use std::{io::Write as _, path::Path};
+use std::path::Path;
 
 use plotters::{
-    coord::Shift,
     prelude::*,
     style::text_anchor::{HPos, Pos, VPos},
 };
-use wavecast::film::write_file;
 
 use super::{contender::structures, report::Row};
 use crate::cli::error::CliError;
-
-/// One for each structure of ours (Okabe, Ito 2008, "Color Universal Design", and one of the same kind).
-pub const COLORS: [RGBColor; 8] = [
-    RGBColor(213, 94, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(0, 158, 115),
-    RGBColor(230, 159, 0),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(120, 80, 40),
-    RGBColor(200, 190, 30),
-];
+pub use crate::cli::plot::{COLORS, Problem, decades, draw};
 
 /// From dark to light, for what ours are compared with.
 fn grey(place: usize) -> RGBColor {
@@ -40,22 +27,6 @@ fn colored(rows: &[&Row]) -> Vec<(&'static str, RGBColor)> {
         (name, place.map_or_else(|| grey(peers - 1), |place| COLORS[place % COLORS.len()]))
     };
     distinct(rows, |row| row.accel).into_iter().map(color).collect()
-}
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
-/// What can go wrong while drawing.
-pub type Problem = Box<dyn std::error::Error>;
-
-/// Draws into a file, which appears whole or not at all.
-pub fn draw(path: &Path, size: (u32, u32), paint: impl FnOnce(&Area) -> Result<(), Problem>) -> Result<(), CliError> {
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let painted = area.fill(&WHITE).map_err(Problem::from).and_then(|()| paint(&area));
-    let painted = painted.and_then(|()| area.present().map_err(Problem::from));
-    painted.map_err(|problem| CliError::Drawing { path: path.to_owned(), problem: problem.to_string() })?;
-    drop(area);
-    Ok(write_file(path, |file| file.write_all(svg.as_bytes()))?)
 }
 
 /// The different values of a column, in the order of their first appearance.
@@ -110,12 +81,6 @@ pub fn bars(path: &Path, rows: &[&Row]) -> Result<(), CliError> {
         labels.border_style(BLACK.mix(0.3)).draw()?;
         Ok(())
     })
-}
-
-/// Around two numbers, from a power of ten to a power of ten; a little more, or the first of them has no label.
-pub fn decades(least: f64, most: f64) -> std::ops::Range<f64> {
-    let (from, to) = (least.log10().floor(), most.log10().ceil());
-    10_f64.powf(from) * (1.0 - 1e-6)..10_f64.powf(to.max(from + 1.0)) * (1.0 + 1e-6)
 }
 
 /// Over triangles: rays per second of each kind, build time, memory.

@@ -40,7 +40,7 @@ use crate::cli::{
     args::{self, SamplerArg, Size},
     console::Console,
     error::CliError,
-    render::set_environment,
+    scene::set_environment,
 };
 
 /// Pixels if nothing is said.

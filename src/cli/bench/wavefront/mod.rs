@@ -25,7 +25,7 @@ use super::{
     report::{Spread, csv, machine},
     subject::Source,
 };
-use crate::cli::{Outcome, args::Size, console::Console, error::CliError, render::set_environment};
+use crate::cli::{Outcome, args::Size, console::Console, error::CliError, scene::set_environment};
 
 /// Times each figure is taken if nothing is said.
 const RUNS: u32 = 7;

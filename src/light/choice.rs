@@ -82,9 +82,10 @@ impl LightChoice {
         self.near.alone().filter(|_| !self.depends_on_place())
     }
 
-    /// True if it matters from where a light is chosen.
+    /// True if it matters from where a light is chosen: among several; and one that is far away is not chosen where a surface
+    /// turns away from it.
     pub fn depends_on_place(&self) -> bool {
-        self.near.lights() + self.far.illuminance.len() + usize::from(self.sky > 0.0) > 1
+        !self.far.illuminance.is_empty() || self.near.lights() + usize::from(self.sky > 0.0) > 1
     }
 
     /// Bytes held.

@@ -55,3 +55,15 @@ fn kinds_are_mixed_with_their_probability() {
     let at = Receiver::new([0.0; 3], packed([0.0, 1.0, 0.0], false));
     assert!((0..100).all(|i| choice.sample(&at, f64::from(i) / 100.0).unwrap().row < 2));
 }
+
+/// A single sun is found from every surface that faces it, wherever it stands: so paths must carry the side that they leave to.
+#[test]
+fn a_single_light_far_away_depends_on_the_side() {
+    for to_light in [[0.0, 0.6, 0.8], [0.0, 0.6, -0.8], [1.0, 0.0, 0.0]] {
+        let choice = LightChoice::new(&[], [(to_light, 9.0)], 0.0);
+        assert!(choice.depends_on_place() && choice.alone().is_none());
+        let at = |n: [f32; 3]| Receiver::new([0.0; 3], packed(n, false));
+        assert_eq!(choice.sample(&at(to_light), 0.5).map(|one| (one.row, one.pmf)), Some((0, 1.0)));
+        assert!(choice.sample(&at(to_light.map(|c| -c)), 0.5).is_none());
+    }
+}

@@ -19,6 +19,13 @@ pub enum CliError {
     /// No camera of this name or index.
     #[error("{}: no camera {wanted:?}; there is {available}", scene.display())]
     NoCamera { scene: PathBuf, wanted: String, available: String },
+    /// No entity of this name.
+    #[error("{}: no entity {wanted:?} with a surface or a light; there is {available}", scene.display())]
+    NoEntity { scene: PathBuf, wanted: String, available: String },
+    /// The entity is no light that has a flux.
+    #[error("{}: {wanted:?} sends off no light of its own, or shines from infinitely far away; there is {available}",
+        scene.display())]
+    NoLight { scene: PathBuf, wanted: String, available: String },
     /// Pictures that have no pixels in common.
     #[error("{} is {} × {} pixels and {} is {} × {}; only pictures of one size can be compared",
         a.display(), a_size[0], a_size[1], b.display(), b_size[0], b_size[1])]

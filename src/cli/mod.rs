@@ -11,6 +11,7 @@ mod error;
 mod info;
 mod interrupt;
 mod label;
+mod measure;
 mod memory;
 mod plot;
 mod progress;
@@ -59,6 +60,7 @@ struct Common {
 enum Command {
     Render(Box<render::Args>),
     Series(Box<series::Args>),
+    Measure(Box<measure::Args>),
     Info(info::Args),
     Compare(compare::Args),
     Bench(Box<bench::Args>),
@@ -87,6 +89,7 @@ pub fn run() -> ExitCode {
     let ended = start(&cli.common).and_then(|()| match cli.command {
         Command::Render(args) => render::run(*args, &cli.common, &mut console),
         Command::Series(args) => series::run(&args, &cli.common, &mut console),
+        Command::Measure(args) => measure::run(&args, &cli.common, &mut console),
         Command::Info(args) => info::run(&args, &mut console),
         Command::Compare(args) => compare::run(&args, &mut console),
         Command::Bench(args) => bench::run(&args, &mut console),

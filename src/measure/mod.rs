@@ -2,7 +2,9 @@
 
 pub mod converged;
 pub mod flip;
+pub mod flux;
 pub mod heat;
+pub mod meter;
 pub mod metrics;
 pub mod series;
 pub mod ssim;

@@ -4,6 +4,7 @@ use glam::DVec3;
 use wide::{f32x8, f64x8};
 
 use super::{
+    aim::Aim,
     dimensions,
     queues::{PathBlock, PathQueue},
     stats::Blocks,
@@ -184,6 +185,8 @@ pub fn generate(
     lens: &Lens,
     filter: &FilterTable,
     sampler: &Sampler,
+    aim: &Aim,
+    film_width: u32,
     tile: [u32; 4],
     cursor: &mut Cursor,
     capacity: usize,
@@ -206,11 +209,18 @@ pub fn generate(
         let (hashes, indices) = (keys.map(|(hash, _)| hash), keys.map(|(_, index)| index));
         let [hash, index] = [hashes, indices].map(|column| Bits::from_fn(|lane| column[lane]));
         let u: (f32x8, f32x8) = sampler.pair(hash, index, Bits::splat(dimensions::FILTER));
+        let (mut film_x, mut film_y) = (x, y);
+        if let Aim::Pixels(..) = aim {
+            for lane in 0..LANES {
+                [film_x[lane], film_y[lane]] = aim.pixel([x[lane], y[lane]], film_width);
+            }
+        }
         let film = |pixel: [u32; LANES], u: f32x8| {
             let offset = filter.offset(u).to_array();
             std::array::from_fn(|lane| f64::from(pixel[lane]) + 0.5 + f64::from(offset[lane]))
         };
-        let Rays { origin: [ox, oy, oz], direction: [dx, dy, dz], length } = lens.rays(film(x, u.0), film(y, u.1));
+        let Rays { origin: [ox, oy, oz], direction: [dx, dy, dz], length } =
+            lens.rays(film(film_x, u.0), film(film_y, u.1));
         let block = PathBlock {
             ox,
             oy,

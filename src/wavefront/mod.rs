@@ -39,6 +39,7 @@ mod join;
 
 // What stages call and what calls them.
 mod ahead;
+mod aim;
 mod caustic;
 mod coverage;
 mod dimensions;
@@ -63,6 +64,13 @@ mod view;
 
 use std::sync::Arc;
 
+pub use self::{
+    aim::{Aim, Place, add_unseen},
+    one_path::render_one_path,
+    queues::BYTES_PER_PATH,
+    schedule::{render, render_aimed},
+    stats::STAGES,
+};
 use self::{
     coverage::SceneCoverage,
     generate::{Cursor, Lens},
@@ -76,7 +84,6 @@ use self::{
     surface::Parts,
     tally::Tally,
 };
-pub use self::{one_path::render_one_path, queues::BYTES_PER_PATH, schedule::render, stats::STAGES};
 use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
@@ -137,6 +144,8 @@ pub struct Job<'a> {
     unit: Unit,
     light_paths: Option<Arc<LightPaths>>,
     accounts: Arc<Accounts>,
+    aim: Arc<Aim>,
+    film_width: u32,
 }
 
 impl<'a> Job<'a> {
@@ -182,7 +191,21 @@ impl<'a> Job<'a> {
             unit,
             light_paths,
             accounts: Arc::new(accounts(scene, settings)),
+            aim: Arc::default(),
+            film_width: settings.width,
         }
+    }
+}
+
+impl Job<'_> {
+    /// With pixels that look elsewhere.
+    fn aimed(mut self, aim: Aim, settings: &RenderSettings) -> Self {
+        if let Aim::Pixels([width, height], _) = aim {
+            self.lens = Lens::new(self.scene.camera, width, height);
+        }
+        self.film_width = settings.width;
+        self.aim = Arc::new(aim);
+        self
     }
 }
 
@@ -260,7 +283,8 @@ impl Worker {
     }
 
     fn run_covered<C: Coverage>(&mut self, job: &Job, coverage: &C, tile: &mut Tile, from: u32, to: u32, step: u32) {
-        let Job { scene, settings, lens, filter, sampler, .. } = job;
+        let Job { scene, settings, lens, filter, sampler, aim, film_width, .. } = job;
+        let at_places = matches!(**aim, Aim::Places(_));
         let rectangle = [tile.x, tile.y, tile.width, tile.height];
         let mut tally = self.open(job, tile, from, to, step);
         let mut cursor = Cursor::new(from, to, step);
@@ -279,7 +303,21 @@ impl Worker {
             let before = paths.len();
             if before <= settings.wave_size / 2 && cursor.sample < cursor.end {
                 counters.time_blocks(Stage::Generate, 0, |_| {
-                    generate::generate(lens, filter, sampler, rectangle, &mut cursor, settings.wave_size, paths)
+                    let blocks = generate::generate(
+                        lens,
+                        filter,
+                        sampler,
+                        aim,
+                        *film_width,
+                        rectangle,
+                        &mut cursor,
+                        settings.wave_size,
+                        paths,
+                    );
+                    if at_places {
+                        aim::point(aim, rectangle, *film_width, before, paths);
+                    }
+                    blocks
                 });
                 let started = paths.len() - before;
                 counters.add_rows(Stage::Generate, started);
@@ -292,6 +330,9 @@ impl Worker {
             counters.time(Stage::Intersect, paths.len(), |_| {
                 let camera = (before, (to - from).div_ceil(step) as usize);
                 intersect::intersect(&scene.accel, paths, camera, settings.blends, coverage, hits);
+                if at_places {
+                    aim::arrive(aim, rectangle, *film_width, before, paths, hits);
+                }
             });
             counters.time(Stage::Sort, paths.len(), |_| {
                 sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);

@@ -11,7 +11,7 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Accounts, Counters, Job, Worker, light_paths, pilot};
+use super::{Accounts, Aim, Counters, Job, Worker, light_paths, pilot};
 use crate::{
     film::{Film, Growth, Splats, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
@@ -300,6 +300,12 @@ pub fn render(scene: &FlatScene, settings: &RenderSettings, observer: &dyn Obser
     render_by(scene, settings, observer, Worker::run)
 }
 
+/// Makes a picture whose pixels look elsewhere. No light comes from the emitters then: only the camera sees that.
+pub fn render_aimed(scene: &FlatScene, settings: &RenderSettings, aim: Aim, observer: &dyn Observer) -> Rendered {
+    let settings = RenderSettings { caustics: false, ..settings.clone() };
+    film_by(scene, &settings, aim, observer, Worker::run).1
+}
+
 /// As [`render`], with a given way of adding samples to a tile.
 pub(super) fn render_by(
     scene: &FlatScene,
@@ -307,13 +313,14 @@ pub(super) fn render_by(
     observer: &dyn Observer,
     run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Send + Sync,
 ) -> Rendered {
-    film_by(scene, settings, observer, run).1
+    film_by(scene, settings, Aim::Camera, observer, run).1
 }
 
 /// The same with the film that the picture is of.
 pub(super) fn film_by(
     scene: &FlatScene,
     settings: &RenderSettings,
+    aim: Aim,
     observer: &dyn Observer,
     run: impl Fn(&mut Worker, &Job, &mut Tile, u32, u32, u32) + Send + Sync,
 ) -> (Film, Rendered) {
@@ -323,7 +330,7 @@ pub(super) fn film_by(
     let samples = settings.samples.clone().unwrap_or(0..settings.spp.unwrap_or(u32::MAX));
     let pixels = film.tiles.iter().map(|tile| tile.pixels() as f64).sum::<f64>();
     let mut passes = Passes {
-        job: Job::new(scene, settings, unit),
+        job: Job::new(scene, settings, unit).aimed(aim, settings),
         run,
         watcher: Watcher {
             observer,

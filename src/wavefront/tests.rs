@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::{
-    Job, Parts, Worker, one_path, schedule,
+    Aim, Job, Parts, Worker, one_path, schedule,
     surface::{self, Incoming},
 };
 use crate::{
@@ -235,7 +235,7 @@ fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
         };
         let layers = SPLITS.map(LayerKind::Light).to_vec();
         let with = RenderSettings { layers: layers.clone(), ..plain.clone() };
-        let (film, rendered) = schedule::film_by(flat, &with, &(), Worker::run);
+        let (film, rendered) = schedule::film_by(flat, &with, Aim::Camera, &(), Worker::run);
         assert!(film.splats.is_some(), "light comes from emitters too");
         assert_eq!(rendered.picture.rgb, renderer.render(&plain, &()).picture.rgb);
         check_parts(&film, SPLITS);
@@ -243,7 +243,7 @@ fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
         let other = RenderSettings { threads: 1, wave_size: 100, tile_size: 16, ..with.clone() };
         assert_eq!(rendered.picture.layers, renderer.render(&other, &()).picture.layers);
         if error.is_none() {
-            let (single, one) = schedule::film_by(flat, &with, &(), one_path::run);
+            let (single, one) = schedule::film_by(flat, &with, Aim::Camera, &(), one_path::run);
             check_parts(&single, SPLITS);
             assert_eq!(rendered.picture.layers, one.picture.layers);
         }

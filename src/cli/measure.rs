@@ -1,0 +1,533 @@
+//! `wavecast measure`: light meters in a scene.
+
+use std::{
+    fmt::Write as _,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use image::ImageFormat;
+use serde_json::{Value, json};
+use wavecast::{
+    film,
+    flat::FlatScene,
+    glam::DVec3,
+    measure::{
+        flux::flux,
+        heat,
+        meter::{Effort, Meters, Reading, Readings, read},
+    },
+    render::Renderer,
+    world::{Name, Scene, SceneKey},
+};
+
+use super::{
+    Common, Outcome,
+    args::{self, Size},
+    console::Console,
+    error::CliError,
+    interrupt,
+    label::{Canvas, LINE},
+    progress::Watcher,
+    scene::{Opened, SceneArgs, default_size},
+};
+
+/// Read light meters: illuminance at a point, on a plane or a surface, luminance of what the camera sees, flux of a light
+///
+/// Every figure comes with the interval that holds the true one with a probability of 95 %. Points and normals are in metres
+/// and in the axes of the file, whose up is +Y. Light from a point light, spot or directional light is read as well, but
+/// not what comes from these through glass.
+#[derive(clap::Args)]
+#[command(after_help = "Example:
+  wavecast measure scenes/cornell.gltf --lux 0,0,0 0,1,0 --nit 100,100 --lumen light --error 1%")]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Illuminance at a point on a plane with this normal, lx
+    #[arg(long, num_args = 2, value_names = ["X,Y,Z", "NX,NY,NZ"], value_parser = vector, allow_hyphen_values = true)]
+    lux: Vec<DVec3>,
+    /// Illuminance on a grid over the parallelogram from a corner along two edges, on the side that U × V points to, lx:
+    /// least, mean, greatest, and uniformity
+    #[arg(long, num_args = 3, value_names = ["X,Y,Z", "UX,UY,UZ", "VX,VY,VZ"], value_parser = vector,
+        allow_hyphen_values = true)]
+    lux_plane: Vec<DVec3>,
+    /// Points of the grid along U and V [default: as EN 12464-1 spaces them]
+    #[arg(long, value_name = "NxM", value_parser = args::size, requires = "lux_plane")]
+    grid: Option<Size>,
+    /// Illuminance on the front of an entity's surface, lx: least, mean and greatest over points spread evenly over it
+    #[arg(long, value_name = "ENTITY")]
+    on: Vec<String>,
+    /// Luminance of a pixel, or of a part of the picture and its mean, nit
+    #[arg(long, value_name = "X,Y[,W,H]", value_parser = region)]
+    nit: Vec<[u32; 4]>,
+    /// Pixels of the picture that --nit counts in [default: 1280 wide, in the camera's shape]
+    #[arg(long, value_name = "WxH", value_parser = args::size)]
+    size: Option<Size>,
+    /// Flux that a light sends off, lm
+    #[arg(long, value_name = "ENTITY")]
+    lumen: Vec<String>,
+    /// Read until the 95 % interval is at most this share of the reading to either side [default: 1%, or none with --spp]
+    #[arg(long, value_name = "ERROR", value_parser = args::error)]
+    error: Option<f64>,
+    /// Stop after N samples of a meter
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    spp: Option<u64>,
+    /// Stop after a time for each meter, such as 30s or 5m
+    #[arg(long, value_name = "TIME", value_parser = args::duration)]
+    time: Option<Duration>,
+    /// Most scatterings behind the light that is read: 0 is straight from the lamps [default: no limit]
+    #[arg(long, value_name = "N")]
+    max_depth: Option<u32>,
+    /// Chooses the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// The last grid or part of the picture in false colours with a legend (.png), or as a table (.csv); may be given
+    /// several times
+    #[arg(short, long = "output", value_name = "OUT")]
+    output: Vec<PathBuf>,
+}
+
+/// Samples of a meter if nothing says when to stop but a number of samples cannot reach the error.
+const DEFAULT_ERROR: f64 = 0.01;
+/// Points on a surface.
+const POINTS_ON: usize = 1024;
+
+/// Such as `0,0.8,-1`, m.
+fn vector(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match parts[..] {
+        [x, y, z] if parts.iter().all(|c| c.is_finite()) && text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected X,Y,Z, such as 0,0.8,-1".into()),
+    }
+}
+
+/// `X,Y` or `X,Y,W,H`.
+fn region(text: &str) -> Result<[u32; 4], String> {
+    let parts: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match parts.ok().as_deref() {
+        Some(&[x, y]) => Ok([x, y, 1, 1]),
+        Some(&[x, y, w, h]) if w > 0 && h > 0 => Ok([x, y, w, h]),
+        _ => Err("expected X,Y or X,Y,WIDTH,HEIGHT in pixels, such as 160,90".into()),
+    }
+}
+
+/// One line of the answer, or several that belong together.
+struct Answer {
+    /// What was read, as the option that asked for it.
+    kind: &'static str,
+    /// Where.
+    at: String,
+    unit: &'static str,
+    /// The mean, where there are several.
+    mean: Reading,
+    /// Least and greatest, and where.
+    extremes: Option<[(f64, String); 2]>,
+    samples: u64,
+    seconds: f64,
+    reached: bool,
+    /// Points along two directions, and their readings.
+    grid: Option<([u32; 2], Vec<Reading>)>,
+}
+
+impl Answer {
+    fn new(kind: &'static str, at: String, unit: &'static str, readings: Readings) -> Self {
+        let Readings { each, mean, samples, seconds, reached, .. } = readings;
+        Self {
+            kind,
+            at,
+            unit,
+            mean,
+            extremes: None,
+            samples,
+            seconds,
+            reached,
+            grid: Some(([each.len() as u32, 1], each)),
+        }
+    }
+
+    /// With what is least and greatest among its points, which `name` tells.
+    fn over(mut self, size: [u32; 2], name: impl Fn(usize) -> String) -> Self {
+        if let Some((shape, each)) = &mut self.grid {
+            *shape = size;
+            let by = |a: &usize, b: &usize| each[*a].value.value.total_cmp(&each[*b].value.value);
+            let least = (0..each.len()).min_by(by);
+            let most = (0..each.len()).max_by(by);
+            if let (Some(least), Some(most)) = (least, most) {
+                self.extremes = Some([least, most].map(|at| (each[at].value.value, name(at))));
+            }
+        }
+        self
+    }
+}
+
+/// Reads as told.
+pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcome, CliError> {
+    check(args)?;
+    let Opened { scene, renderer, .. } = args.scene.open(console)?;
+    let flat = renderer.scene();
+    let size = args.size.map_or_else(|| default_size(&flat.camera), |size| size.0);
+    let error = args.error.or((args.spp.is_none()).then_some(DEFAULT_ERROR));
+    let threads = common.threads.map_or(0, usize::from);
+    let effort =
+        Effort { error, samples: args.spp, time: args.time, seed: args.seed, threads, max_depth: args.max_depth };
+    interrupt::keep_from_now_on();
+    let watcher = Watcher::new(console.is_quiet());
+    let mut answers = Vec::new();
+    for pair in args.lux.chunks_exact(2) {
+        let readings = read(flat, &Meters::Planes(vec![(pair[0], pair[1])]), &effort, &watcher);
+        answers.push(Answer::new("lux", format!("{} facing {}", text_of(pair[0]), text_of(pair[1])), "lx", readings));
+    }
+    for plane in args.lux_plane.chunks_exact(3) {
+        answers.push(on_plane(flat, [plane[0], plane[1], plane[2]], args.grid, &effort, &watcher));
+    }
+    for name in &args.on {
+        answers.push(on_entity(&scene, flat, args, name, &effort, &watcher)?);
+    }
+    for &part in &args.nit {
+        answers.push(of_region(&renderer, part, size, &effort, &watcher)?);
+    }
+    watcher.finish();
+    for name in &args.lumen {
+        let key = entity(&scene, args, name)?;
+        let mean = flux(flat, key.0).ok_or_else(|| CliError::NoLight {
+            scene: args.scene.file.clone(),
+            wanted: name.clone(),
+            available: light_names(&scene, flat),
+        })?;
+        let at = name.clone();
+        let (unit, kind) = ("lm", "lumen");
+        answers.push(Answer {
+            kind,
+            at,
+            unit,
+            mean,
+            extremes: None,
+            samples: 0,
+            seconds: 0.0,
+            reached: true,
+            grid: None,
+        });
+    }
+    for path in &args.output {
+        write(path, &answers)?;
+    }
+    for answer in answers.iter().filter(|answer| !answer.reached) {
+        console.warn(format_args!("{} {}: stopped before the error that was asked for", answer.kind, answer.at));
+    }
+    console.result(&text(&answers), || json!({ "meters": answers.iter().map(as_json).collect::<Vec<_>>() }));
+    Ok(if interrupt::asked() { Outcome::Interrupted } else { Outcome::Done })
+}
+
+fn check(args: &Args) -> Result<(), CliError> {
+    let Args { lux, lux_plane, on, nit, lumen, .. } = args;
+    if lux.is_empty() && lux_plane.is_empty() && on.is_empty() && nit.is_empty() && lumen.is_empty() {
+        return Err(CliError::Usage("nothing to read: give --lux, --lux-plane, --on, --nit or --lumen".into()));
+    }
+    if let Some(pair) = lux.chunks_exact(2).find(|pair| pair[1].length() == 0.0) {
+        return Err(CliError::Usage(format!("--lux {}: the normal has no length", text_of(pair[0]))));
+    }
+    if let Some(plane) = lux_plane.chunks_exact(3).find(|plane| plane[1].cross(plane[2]).length() == 0.0) {
+        return Err(CliError::Usage(format!("--lux-plane {}: its edges span no plane", text_of(plane[0]))));
+    }
+    for path in &args.output {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if !["png", "csv"].contains(&extension.as_str()) {
+            return Err(CliError::Usage(format!("{}: readings are written as .png or .csv", path.display())));
+        }
+        if lux_plane.is_empty() && nit.is_empty() && on.is_empty() {
+            return Err(CliError::Usage(format!(
+                "{}: nothing to write; only --lux-plane, --on and --nit have a grid",
+                path.display()
+            )));
+        }
+        film::check_writable(path)?;
+    }
+    Ok(())
+}
+
+/// Points along an edge: EN 12464-1 (2021, 4.4): p = 0.2 · 5^(log₁₀ d), d being the length of the edge, and at most 10 m.
+fn points_along(length: f64) -> u32 {
+    let spacing = (0.2 * 5_f64.powf(length.max(1e-3).log10())).min(10.0);
+    ((length / spacing).round() as u32).max(1)
+}
+
+fn on_plane(
+    flat: &FlatScene,
+    [corner, u, v]: [DVec3; 3],
+    grid: Option<Size>,
+    effort: &Effort,
+    watcher: &Watcher,
+) -> Answer {
+    let [columns, rows] = grid.map_or_else(
+        || {
+            // By the longer edge, unless the plane is much longer than wide; then along each by itself (as there).
+            let (long, short) = (u.length().max(v.length()), u.length().min(v.length()));
+            let of = |edge: f64| {
+                if long / short < 2.0 {
+                    (edge / (long / f64::from(points_along(long)))).round() as u32
+                } else {
+                    points_along(edge)
+                }
+            };
+            [of(u.length()).max(1), of(v.length()).max(1)]
+        },
+        |size| size.0,
+    );
+    let n = u.cross(v).normalize();
+    let at = |i: usize| {
+        let (x, y) = (i as u32 % columns, i as u32 / columns);
+        corner + u * ((f64::from(x) + 0.5) / f64::from(columns)) + v * ((f64::from(y) + 0.5) / f64::from(rows))
+    };
+    let places = (0..(columns * rows) as usize).map(|i| (at(i), n)).collect();
+    let readings = read(flat, &Meters::Planes(places), effort, watcher);
+    let name = format!("{} along {} and {}, {columns} × {rows} points", text_of(corner), text_of(u), text_of(v));
+    Answer::new("lux-plane", name, "lx", readings).over([columns, rows], |i| text_of(at(i)))
+}
+
+/// The entity that is called so, or has that key.
+fn entity(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> {
+    let with_light_or_surface = |key: &SceneKey| {
+        scene.get::<wavecast::world::Geometry>(*key).is_some()
+            || scene.get::<wavecast::world::Shape>(*key).is_some()
+            || scene.get::<wavecast::world::PointLight>(*key).is_some()
+            || scene.get::<wavecast::world::SpotLight>(*key).is_some()
+            || scene.get::<wavecast::world::DirectionalLight>(*key).is_some()
+    };
+    let named = scene.keys_with::<Name>().into_iter();
+    let found = named.filter(|key| scene.get::<Name>(*key).is_some_and(|n| *n.0 == *name)).find(with_light_or_surface);
+    let by_key =
+        || name.parse().ok().map(SceneKey).filter(|key| scene.entity(*key).is_some() && with_light_or_surface(key));
+    found.or_else(by_key).ok_or_else(|| {
+        let names = scene.keys_with::<Name>().into_iter().filter(with_light_or_surface);
+        let names = names.filter_map(|key| scene.get::<Name>(key)).map(|name| format!("{:?}", name.0)).take(20);
+        let list = names.collect::<Vec<_>>().join(", ");
+        let available = if list.is_empty() { "none with a name".into() } else { list };
+        CliError::NoEntity { scene: args.scene.file.clone(), wanted: name.into(), available }
+    })
+}
+
+fn light_names(scene: &Scene, flat: &FlatScene) -> String {
+    let groups = wavecast::flat::LightGroups::new(flat);
+    let name =
+        |&key: &u64| scene.get::<Name>(SceneKey(key)).map_or_else(|| key.to_string(), |name| format!("{:?}", name.0));
+    let names: Vec<String> = groups.keys.iter().filter(|&&key| key != u64::MAX).map(name).take(20).collect();
+    if names.is_empty() { "none with a flux".into() } else { names.join(", ") }
+}
+
+fn on_entity(
+    scene: &Scene,
+    flat: &FlatScene,
+    args: &Args,
+    name: &str,
+    effort: &Effort,
+    watcher: &Watcher,
+) -> Result<Answer, CliError> {
+    let key = entity(scene, args, name)?;
+    let instance = flat.instances.key.iter().position(|&other| other == key.0);
+    let mesh = instance.map(|row| &flat.meshes[flat.instances.mesh[row] as usize]);
+    let (Some(instance), Some(mesh)) = (instance, mesh.filter(|mesh| !mesh.triangles.is_empty())) else {
+        return Err(CliError::Usage(format!("--on {name}: it has no triangles that are shown")));
+    };
+    let m = flat.instances.world_from_local[instance].map(f64::from);
+    let world = |p: [f32; 3]| {
+        let p = p.map(f64::from);
+        let row = |i: usize| m[i] * p[0] + m[i + 1] * p[1] + m[i + 2] * p[2] + m[i + 3];
+        DVec3::new(row(0), row(4), row(8))
+    };
+    let corners = |triangle: usize| mesh.corners(triangle as u32).map(world);
+    // Evenly by area: one point in each of so many equal parts of the whole, and the golden ratio's sequence within.
+    let mut areas = Vec::with_capacity(mesh.triangles.len());
+    let mut total = 0.0;
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = corners(triangle);
+        total += 0.5 * (b - a).cross(c - a).length();
+        areas.push(total);
+    }
+    if total <= 0.0 {
+        return Err(CliError::Usage(format!("--on {name}: it has no area")));
+    }
+    let place = |i: usize| {
+        let at = (i as f64 + 0.5) / POINTS_ON as f64 * total;
+        let triangle = areas.partition_point(|&sum| sum < at).min(areas.len() - 1);
+        let before = if triangle == 0 { 0.0 } else { areas[triangle - 1] };
+        let (r, s) = ((at - before) / (areas[triangle] - before), (0.5 + i as f64 * 0.618_033_988_75).fract());
+        let root = r.sqrt();
+        (triangle as u32, [(root * (1.0 - s)) as f32, (root * s) as f32])
+    };
+    let places: Vec<_> = (0..POINTS_ON).map(place).collect();
+    let at = |i: usize| {
+        let (triangle, [b1, b2]) = places[i];
+        let [a, b, c] = corners(triangle as usize);
+        text_of(a + (b - a) * f64::from(b1) + (c - a) * f64::from(b2))
+    };
+    let readings = read(flat, &Meters::On(instance as u32, places.clone()), effort, watcher);
+    let name = format!("{name}, {POINTS_ON} points on {total:.4} m²");
+    Ok(Answer::new("on", name, "lx", readings).over([POINTS_ON as u32, 1], at))
+}
+
+fn of_region(
+    renderer: &Renderer,
+    [x, y, w, h]: [u32; 4],
+    size: [u32; 2],
+    effort: &Effort,
+    watcher: &Watcher,
+) -> Result<Answer, CliError> {
+    let inside = |first: u32, length: u32, all: u32| first.checked_add(length).is_some_and(|end| end <= all);
+    if !inside(x, w, size[0]) || !inside(y, h, size[1]) {
+        return Err(CliError::Usage(format!(
+            "--nit {x},{y},{w},{h} reaches beyond the picture of {} × {} pixels",
+            size[0], size[1]
+        )));
+    }
+    let pixel = |i: usize| [x + i as u32 % w, y + i as u32 / w];
+    let pixels: Vec<[u32; 2]> = (0..(w * h) as usize).map(pixel).collect();
+    let readings = read(renderer.scene(), &Meters::Pixels(size, pixels), effort, watcher);
+    let what =
+        if w * h == 1 { format!("pixel {x},{y}") } else { format!("pixels {x},{y} to {},{}", x + w - 1, y + h - 1) };
+    let answer = Answer::new("nit", format!("{what} of {}x{}", size[0], size[1]), "nit", readings);
+    let name = |i: usize| format!("{},{}", pixel(i)[0], pixel(i)[1]);
+    Ok(if w * h == 1 { answer } else { answer.over([w, h], name) })
+}
+
+fn text_of(v: DVec3) -> String {
+    let number = |x: f64| {
+        let text = format!("{x:.4}");
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    };
+    format!("{},{},{}", number(v.x), number(v.y), number(v.z))
+}
+
+fn text(answers: &[Answer]) -> String {
+    let mut text = String::new();
+    for answer in answers {
+        let Answer { kind, at, unit, mean, extremes, samples, seconds, grid, .. } = answer;
+        let [from, to] = mean.value.interval(0.95);
+        let several = if extremes.is_some() { "mean " } else { "" };
+        let about = match samples {
+            0 => String::new(),
+            _ => format!("   {samples} samples, {seconds:.2} s"),
+        };
+        writeln!(text, "{kind} {at}\n  {several}{:.6} {unit}   95 %: {from:.6} .. {to:.6}{about}", mean.value.value)
+            .expect("a string takes it");
+        if let Some([(least, least_at), (most, most_at)]) = extremes {
+            let count = grid.as_ref().map_or(0, |(_, each)| each.len());
+            writeln!(
+                text,
+                "  min  {least:.6} {unit} at {least_at}\n  max  {most:.6} {unit} at {most_at}   ({count} points)"
+            )
+            .expect("a string takes it");
+            let uniformity = least / mean.value.value;
+            if *unit == "lx" && mean.value.value > 0.0 {
+                writeln!(text, "  uniformity min/mean {uniformity:.4}, min/max {:.4}", least / most)
+                    .expect("a string takes it");
+            }
+        }
+    }
+    text
+}
+
+fn reading_json(reading: &Reading) -> Value {
+    let interval = reading.value.interval(0.95);
+    json!({ "value": reading.value.value, "interval": interval, "rgb": reading.rgb.map(|channel| channel.value) })
+}
+
+fn as_json(answer: &Answer) -> Value {
+    let Answer { kind, at, unit, mean, extremes, samples, seconds, reached, grid } = answer;
+    let mut value = json!({
+        "kind": kind,
+        "at": at,
+        "unit": unit,
+        "value": mean.value.value,
+        "interval": mean.value.interval(0.95),
+        "rgb": mean.rgb.map(|channel| channel.value),
+        "samples": samples,
+        "seconds": seconds,
+        "reached": reached,
+    });
+    if let (Some([least, most]), Some((size, each))) = (extremes, grid) {
+        value["min"] = json!({ "value": least.0, "at": least.1 });
+        value["max"] = json!({ "value": most.0, "at": most.1 });
+        if *unit == "lx" {
+            value["uniformity"] = json!(least.0 / mean.value.value);
+        }
+        value["grid"] = json!(size);
+        value["points"] = each.iter().map(reading_json).collect();
+    }
+    value
+}
+
+/// The last grid as a table or as a picture.
+fn write(path: &Path, answers: &[Answer]) -> Result<(), CliError> {
+    let with_grid = |answer: &&Answer| answer.extremes.is_some();
+    let Some((answer, (size, each))) =
+        answers.iter().rev().find(with_grid).and_then(|answer| Some((answer, answer.grid.as_ref()?)))
+    else {
+        return Err(CliError::Usage(format!("{}: there is no grid of readings to write", path.display())));
+    };
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        let mut table = format!("column,row,{},from,to\n", answer.unit);
+        for (i, reading) in each.iter().enumerate() {
+            let (x, y, [from, to]) = (i as u32 % size[0], i as u32 / size[0], reading.value.interval(0.95));
+            writeln!(table, "{x},{y},{},{from},{to}", reading.value.value).expect("a string takes it");
+        }
+        return Ok(film::write_file(path, |file| {
+            use std::io::Write;
+            file.write_all(table.as_bytes())
+        })?);
+    }
+    let picture = false_colours(*size, each, answer.unit);
+    Ok(film::write_file(path, |file| picture.write_to(file, ImageFormat::Png).map_err(std::io::Error::other))?)
+}
+
+const PAPER: [u8; 3] = [255; 3];
+const INK: [u8; 3] = [20; 3];
+/// Least width and height of the picture, pixels.
+const LEAST: u32 = 320;
+const BAR: u32 = 18;
+const MARGIN: u32 = 8;
+
+/// Readings as colours from black over purple and orange to pale yellow, from zero to the greatest, beside a legend.
+fn false_colours(size: [u32; 2], each: &[Reading], unit: &str) -> image::RgbImage {
+    let most = each.iter().map(|reading| reading.value.value).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+    let color = |share: f64| heat::magma(share as f32).map(|c| (c * 255.0).round() as u8);
+    let times = (LEAST / size[0].max(size[1]).max(1)).max(1);
+    let (width, height) = (size[0] * times, size[1] * times);
+    let ticks: Vec<String> = (0..=4).map(|i| format!("{:.4} {unit}", most * f64::from(i) / 4.0)).collect();
+    let words = ticks.iter().map(|text| Canvas::width_of(text)).max().unwrap_or(0);
+    let bar_height = height.max(8 * LINE);
+    let mut canvas = Canvas::new([width + BAR + words + 4 * MARGIN, bar_height + 2 * MARGIN], PAPER);
+    let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x / times, y / times)));
+    let pixels: Vec<[u8; 3]> = rows.map(|(x, y)| color(each[(y * size[0] + x) as usize].value.value / most)).collect();
+    canvas.paste([MARGIN, MARGIN], width, &pixels);
+    let left = width + 2 * MARGIN;
+    for y in 0..bar_height {
+        let share = 1.0 - (f64::from(y) + 0.5) / f64::from(bar_height);
+        canvas.paste([left, MARGIN + y], BAR, &[color(share); BAR as usize]);
+    }
+    for (i, tick) in (0..).zip(&ticks) {
+        let y = MARGIN + (bar_height - LINE) - i * (bar_height - LINE) / 4;
+        canvas.write([left + BAR + MARGIN, y], tick, INK);
+    }
+    canvas.into_image()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_and_parts_are_read_as_the_help_writes_them() {
+        assert_eq!(vector("0, 0.8,-1"), Ok(DVec3::new(0.0, 0.8, -1.0)));
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,inf"] {
+            assert!(vector(bad).is_err(), "{bad}");
+        }
+        assert_eq!([region("3,4"), region("3,4,5,6")], [Ok([3, 4, 1, 1]), Ok([3, 4, 5, 6])]);
+        assert!(region("3,4,0,6").is_err());
+    }
+
+    /// The standard's own table (EN 12464-1, annex): an edge of 1 m has 5 points, of 5 m about 8, of 10 m 10.
+    #[test]
+    fn grids_are_spaced_as_the_standard_says() {
+        assert_eq!([0.4, 1.0, 2.0, 5.0, 10.0].map(points_along), [4, 5, 6, 8, 10]);
+    }
+}

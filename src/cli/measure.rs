@@ -475,7 +475,9 @@ fn write(path: &Path, answers: &[Answer]) -> Result<(), CliError> {
             file.write_all(table.as_bytes())
         })?);
     }
-    let picture = false_colours(*size, each, answer.unit);
+    let values: Vec<f64> = each.iter().map(|reading| reading.value.value).collect();
+    let scale = if answer.unit == "nit" { Scale::log(&values) } else { Scale::linear(&values) };
+    let picture = false_colours(*size, &values, answer.unit, scale);
     Ok(film::write_file(path, |file| picture.write_to(file, ImageFormat::Png).map_err(std::io::Error::other))?)
 }
 
@@ -486,18 +488,63 @@ const LEAST: u32 = 320;
 const BAR: u32 = 18;
 const MARGIN: u32 = 8;
 
-/// Readings as colours from black over purple and orange to pale yellow, from zero to the greatest, beside a legend.
-fn false_colours(size: [u32; 2], each: &[Reading], unit: &str) -> image::RgbImage {
-    let most = each.iter().map(|reading| reading.value.value).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+/// How numbers become places between 0 and 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    /// From zero to this.
+    Linear(f64),
+    /// From this by as many powers of ten, which eyes see as even steps.
+    Log(f64, f64),
+}
+
+/// Powers of ten that a logarithmic scale has at most.
+const MOST_DECADES: f64 = 5.0;
+
+impl Scale {
+    fn most(values: &[f64]) -> f64 {
+        values.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE)
+    }
+
+    fn linear(values: &[f64]) -> Self {
+        Self::Linear(Self::most(values))
+    }
+
+    /// Down to the darkest hundredth of what is not black.
+    fn log(values: &[f64]) -> Self {
+        let most = Self::most(values);
+        let mut lit: Vec<f64> = values.iter().copied().filter(|&value| value > 0.0).collect();
+        lit.sort_unstable_by(f64::total_cmp);
+        let least = lit.get(lit.len() / 100).map_or(most, |&least| least.min(most / 10.0));
+        let decades = (most / least).log10().clamp(1.0, MOST_DECADES);
+        Self::Log(most / 10_f64.powf(decades), decades)
+    }
+
+    fn place(self, value: f64) -> f64 {
+        match self {
+            Self::Linear(most) => value / most,
+            Self::Log(least, decades) => (value.max(least) / least).log10() / decades,
+        }
+    }
+
+    fn value(self, place: f64) -> f64 {
+        match self {
+            Self::Linear(most) => place * most,
+            Self::Log(least, decades) => least * 10_f64.powf(place * decades),
+        }
+    }
+}
+
+/// Readings as colours from black over purple and orange to pale yellow beside a legend.
+fn false_colours(size: [u32; 2], values: &[f64], unit: &str, scale: Scale) -> image::RgbImage {
     let color = |share: f64| heat::magma(share as f32).map(|c| (c * 255.0).round() as u8);
     let times = (LEAST / size[0].max(size[1]).max(1)).max(1);
     let (width, height) = (size[0] * times, size[1] * times);
-    let ticks: Vec<String> = (0..=4).map(|i| format!("{:.4} {unit}", most * f64::from(i) / 4.0)).collect();
+    let ticks: Vec<String> = (0..=4).map(|i| format!("{:.4} {unit}", scale.value(f64::from(i) / 4.0))).collect();
     let words = ticks.iter().map(|text| Canvas::width_of(text)).max().unwrap_or(0);
     let bar_height = height.max(8 * LINE);
     let mut canvas = Canvas::new([width + BAR + words + 4 * MARGIN, bar_height + 2 * MARGIN], PAPER);
     let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x / times, y / times)));
-    let pixels: Vec<[u8; 3]> = rows.map(|(x, y)| color(each[(y * size[0] + x) as usize].value.value / most)).collect();
+    let pixels: Vec<[u8; 3]> = rows.map(|(x, y)| color(scale.place(values[(y * size[0] + x) as usize]))).collect();
     canvas.paste([MARGIN, MARGIN], width, &pixels);
     let left = width + 2 * MARGIN;
     for y in 0..bar_height {
@@ -523,6 +570,17 @@ mod tests {
         }
         assert_eq!([region("3,4"), region("3,4,5,6")], [Ok([3, 4, 1, 1]), Ok([3, 4, 5, 6])]);
         assert!(region("3,4,0,6").is_err());
+    }
+
+    #[test]
+    fn scales_go_from_the_dark_to_the_bright_end_and_back() {
+        let values: Vec<f64> = (0..1000).map(|i| f64::from(i) * f64::from(i)).collect();
+        for scale in [Scale::linear(&values), Scale::log(&values)] {
+            assert!((scale.place(998_001.0) - 1.0).abs() < 1e-12);
+            assert!([0.1, 0.5, 0.9].iter().all(|&place| (scale.place(scale.value(place)) - place).abs() < 1e-12));
+        }
+        assert_eq!(Scale::log(&[0.0, 100.0, 100.0]), Scale::Log(10.0, 1.0));
+        assert_eq!(Scale::log(&[0.0; 4]).place(0.0), 0.0);
     }
 
     /// The standard's own table (EN 12464-1, annex): an edge of 1 m has 5 points, of 5 m about 8, of 10 m 10.

@@ -11,6 +11,7 @@ mod confidence;
 mod determinism;
 mod gltf;
 mod layering;
+mod matrix;
 mod meters;
 mod parts;
 mod reciprocity;

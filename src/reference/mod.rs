@@ -18,9 +18,11 @@ mod surface;
 mod tests;
 mod texture;
 mod trace;
+mod transport;
 
 pub use self::{
     render::{ReferencePicture, ReferenceSettings, render, render_with},
     rng::Rng,
     trace::Tracer,
+    transport::{Transport, TransportError, TransportSettings},
 };

@@ -51,6 +51,30 @@ pub enum Sharing {
     Always,
 }
 
+/// Which light is looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Integrator {
+    /// All of it: E + KE + K²E + … (Kajiya 1986).
+    #[default]
+    Path,
+    /// E + KE: what comes straight from lights, with soft shadows.
+    Direct,
+    /// Mirrors and clear glass, and lamps as points (Whitted 1980): hard shadows, no light from one matt surface to another.
+    Whitted,
+    /// How open the hemisphere above surfaces is within a distance, m: 1 for all of it, and for the sky itself.
+    Ambient {
+        /// Beyond it nothing is in the way.
+        distance: f32,
+    },
+}
+
+impl Integrator {
+    /// How far scattered rays look, m.
+    pub(crate) fn reach(self) -> f32 {
+        if let Self::Ambient { distance } = self { distance } else { f32::INFINITY }
+    }
+}
+
 /// A layer beside the beauty picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerKind {
@@ -99,6 +123,8 @@ pub struct RenderSettings {
     pub samples: Option<Range<u32>>,
     /// Greatest number of scatterings; `None` leaves it to Russian roulette.
     pub max_depth: Option<u32>,
+    /// Which light is looked for.
+    pub integrator: Integrator,
     /// Chooses the random numbers.
     pub seed: u64,
     /// Kind of random numbers.
@@ -138,6 +164,7 @@ impl Default for RenderSettings {
             error: None,
             samples: None,
             max_depth: None,
+            integrator: Integrator::default(),
             seed: 0,
             sampler: SamplerKind::default(),
             filter: PixelFilter::default(),

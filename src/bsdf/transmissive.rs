@@ -257,6 +257,40 @@ impl Bsdf for Transmissive {
     }
 }
 
+impl Transmissive {
+    /// The lobes without width, mirror and clear glass, each whole: the weight is its value alone, as nothing has been drawn.
+    #[inline(always)]
+    pub fn deltas<F: Real>(prepared: &Prepared<F>) -> [Sampled<F>; 2] {
+        let Prepared { wo, interface, solid, mirror, .. } = prepared;
+        let (zero, one, cos) = (F::zero(), F::one(), prepared.wo.z);
+        let share = prepared.share(cos);
+        let refract = *solid;
+        let inverse = one / interface.eta;
+        // As a facet along the normal: wo + η wi = −bend·n.
+        let bend = interface.excess / share.sum;
+        let n = V3::new(zero, zero, one);
+        let straight = -*wo;
+        let wi = V3::select(refract, (n * -bend - *wo) * inverse, straight);
+        let eta_scale = F::select(refract, interface.eta.sqr(), one);
+        let lobe = |wi, weight: Rgb<F>, transmitted, valid: F::Mask, eta_scale| Sampled {
+            wi,
+            weight: weight.masked(valid),
+            pdf: zero,
+            delta: valid,
+            transmitted: F::Mask::splat(transmitted),
+            valid,
+            eta_scale,
+        };
+        let reflects = *mirror & share.reflected.max_element().gt(zero);
+        let transmits = *mirror & share.transmitted.max_element().gt(zero) & wi.z.lt(zero);
+        let through = share.transmitted * (one / eta_scale);
+        [
+            lobe(V3::new(-wo.x, -wo.y, wo.z), share.reflected, false, reflects, one),
+            lobe(wi, through, true, transmits, eta_scale),
+        ]
+    }
+}
+
 impl<F: Real> Share<F> {
     /// `yes` where `mask` holds, `no` elsewhere.
     #[inline(always)]

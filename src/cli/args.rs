@@ -191,6 +191,19 @@ impl From<FilterArg> for PixelFilter {
     }
 }
 
+/// `--integrator`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum IntegratorArg {
+    /// All light
+    Path,
+    /// E + KE: straight from lights, with soft shadows
+    Direct,
+    /// Mirrors and clear glass by recursion, lamps as points: hard shadows, nothing indirect
+    Whitted,
+    /// Ambient occlusion: how open surfaces lie
+    Ao,
+}
+
 /// `--layers`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LayerArg {

@@ -9,12 +9,12 @@ use std::{
 use wavecast::{
     film::{self, Exposure, Format},
     flat::CameraView,
-    render::{RenderSettings, Sharing, name_lights},
+    render::{Integrator, RenderSettings, Sharing, name_lights},
 };
 
 use super::{
     Common, Outcome,
-    args::{self, Crop, DisplayArgs, FilterArg, LayerArg, SamplerArg, Size},
+    args::{self, Crop, DisplayArgs, FilterArg, IntegratorArg, LayerArg, SamplerArg, Size},
     console::Console,
     error::CliError,
     interrupt,
@@ -55,6 +55,12 @@ pub struct Args {
     /// Most scatterings along a path: 0 is emission, 1 direct light [default: no limit]
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
+    /// Which light is looked for
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = IntegratorArg::Path)]
+    integrator: IntegratorArg,
+    /// Distance within which --integrator ao looks for what is in the way, m [default: no limit]
+    #[arg(long, value_name = "METRES", value_parser = args::not_negative)]
+    ao_distance: Option<f32>,
     /// Chooses the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -186,6 +192,9 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
                 .into(),
         ));
     }
+    if args.ao_distance.is_some() && args.integrator != IntegratorArg::Ao {
+        return Err(CliError::Usage("--ao-distance is for --integrator ao".into()));
+    }
     let mut layers = Vec::new();
     for layer in args.layers.iter().map(|&layer| layer.into()) {
         if !layers.contains(&layer) {
@@ -202,6 +211,12 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         error: args.error,
         samples: args.samples.clone(),
         max_depth: args.max_depth,
+        integrator: match args.integrator {
+            IntegratorArg::Path => Integrator::Path,
+            IntegratorArg::Direct => Integrator::Direct,
+            IntegratorArg::Whitted => Integrator::Whitted,
+            IntegratorArg::Ao => Integrator::Ambient { distance: args.ao_distance.unwrap_or(f32::INFINITY) },
+        },
         seed: args.seed,
         sampler: args.sampler.into(),
         filter: args.filter.into(),
@@ -226,12 +241,14 @@ fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, St
         ("seed".into(), settings.seed.to_string()),
         ("sampler".into(), args::value_name(args.sampler)),
         ("filter".into(), args::value_name(args.filter)),
+        ("integrator".into(), args::value_name(args.integrator)),
         ("max-depth".into(), settings.max_depth.map_or("none".into(), |depth| depth.to_string())),
         ("terminator-fix".into(), settings.terminator_fix.to_string()),
         ("transparent".into(), settings.transparent.to_string()),
         ("reuse".into(), (settings.sharing != Sharing::Off).to_string()),
     ]);
     let mut add = |key: &str, value: Option<String>| pairs.extend(value.map(|value| (key.to_owned(), value)));
+    add("ao-distance", args.ao_distance.map(|distance| distance.to_string()));
     add("crop", settings.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
     add("error", settings.error.map(|error| error.to_string()));
     add("samples", settings.samples.as_ref().map(|range| format!("{}..{}", range.start, range.end)));

@@ -93,7 +93,7 @@ impl Surface {
     }
 
     /// Index of refraction beyond the surface, seen from `wo`, over that before it.
-    fn eta(&self) -> f64 {
+    pub fn eta(&self) -> f64 {
         match self.ior {
             0.0 => f64::INFINITY,
             ior if self.solid && self.inside => 1.0 / ior,

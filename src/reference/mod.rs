@@ -21,7 +21,7 @@ mod trace;
 mod transport;
 
 pub use self::{
-    render::{ReferencePicture, ReferenceSettings, render, render_with},
+    render::{ReferencePicture, ReferenceSettings, camera_ray, render, render_with},
     rng::Rng,
     trace::Tracer,
     transport::{Transport, TransportError, TransportSettings},

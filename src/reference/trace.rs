@@ -1,5 +1,7 @@
 //! The rendering equation, by recursion.
 
+mod whitted;
+
 use glam::DVec3;
 
 use super::{

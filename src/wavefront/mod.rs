@@ -41,6 +41,7 @@ mod join;
 mod ahead;
 mod aim;
 mod caustic;
+mod classic;
 mod coverage;
 mod dimensions;
 mod direct;
@@ -107,6 +108,8 @@ pub struct Settings {
     pub terminator_fix: bool,
     /// Camera rays do not see the sky.
     pub transparent: bool,
+    /// Scattered rays meet nothing beyond this, m.
+    pub reach: f32,
     /// There is a light that can be sampled.
     pub sample_lights: bool,
     /// Which light is sampled depends on where.
@@ -168,6 +171,7 @@ impl<'a> Job<'a> {
                 terminator_fix: settings.terminator_fix && needs.has(SceneNeeds::SMOOTH_NORMALS),
                 asks_ahead: ahead::pays(scene),
                 transparent: settings.transparent,
+                reach: settings.integrator.reach(),
                 sample_lights: !scene.lights.choice.is_empty(),
                 only_flat_light: scene
                     .lights

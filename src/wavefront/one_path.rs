@@ -181,7 +181,7 @@ fn trace<C: Coverage>(
             }
             throughput = throughput * (1.0 / q);
         }
-        (origin, direction, t_max) = (departure.origin.lane(0), departure.direction.lane(0), f32::INFINITY);
+        (origin, direction, t_max) = (departure.origin.lane(0), departure.direction.lane(0), settings.reach);
         (pdf, medium, side, slot) = (departure.pdf, departure.medium[0], departure.side[0], departure.slot[0]);
         counters.rays.bounce += 1;
     }

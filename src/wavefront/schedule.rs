@@ -11,11 +11,11 @@ use std::{
 
 use rayon::prelude::*;
 
-use super::{Accounts, Aim, Counters, Job, Worker, light_paths, pilot};
+use super::{Accounts, Aim, Counters, Job, Worker, classic, light_paths, pilot};
 use crate::{
     film::{Film, Growth, Splats, Tile, Unit},
     flat::{EnvironmentLight, FlatScene, flags},
-    render::{Observer, Progress, RenderSettings, RenderStats, Rendered},
+    render::{Integrator, Observer, Progress, RenderSettings, RenderStats, Rendered, Sharing},
     sampling::REPLICAS,
     world::units::Nit,
 };
@@ -297,7 +297,25 @@ impl<R: Run> Passes<'_, R> {
 
 /// Makes a picture of the scene.
 pub fn render(scene: &FlatScene, settings: &RenderSettings, observer: &dyn Observer) -> Rendered {
-    render_by(scene, settings, observer, Worker::run)
+    match settings.integrator {
+        Integrator::Path => render_by(scene, settings, observer, Worker::run),
+        Integrator::Direct => {
+            let most = settings.max_depth.map_or(1, |most| most.min(1));
+            let settings = RenderSettings { max_depth: Some(most), ..settings.clone() };
+            render_by(scene, &settings, observer, Worker::run)
+        }
+        Integrator::Whitted => {
+            // What it leaves out must not come back by light paths, or from neighbours.
+            let settings = RenderSettings { caustics: false, sharing: Sharing::Off, ..settings.clone() };
+            render_by(scene, &settings, observer, classic::run_whitted)
+        }
+        Integrator::Ambient { .. } => {
+            let scene = classic::in_white_sky(scene);
+            let settings =
+                RenderSettings { max_depth: Some(1), caustics: false, sharing: Sharing::Off, ..settings.clone() };
+            render_by(&scene, &settings, observer, Worker::run)
+        }
+    }
 }
 
 /// Makes a picture whose pixels look elsewhere. No light comes from the emitters then: only the camera sees that.

@@ -455,7 +455,7 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
             }
         }
         push_connections(&at, &connection, shadows, settings.blends);
-        push_departures(&at, &departure, next);
+        push_departures(&at, &departure, settings.reach, next);
     }
     debug_assert!(scene.needs.has(SceneNeeds::TEXTURES) || scene.needs.has(SceneNeeds::VERTEX_COLORS) || !TEXTURED);
     blocks
@@ -486,7 +486,7 @@ fn push_connections(at: &Arrived<f32x8>, c: &Connection<f32x8>, shadows: &mut Sh
 }
 
 #[inline(always)]
-fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQueue) {
+fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, reach: f32, next: &mut PathQueue) {
     let block = PathBlock {
         ox: d.origin.x.to_array(),
         oy: d.origin.y.to_array(),
@@ -494,7 +494,7 @@ fn push_departures(at: &Arrived<f32x8>, d: &Departure<f32x8>, next: &mut PathQue
         dx: d.direction.x.to_array(),
         dy: d.direction.y.to_array(),
         dz: d.direction.z.to_array(),
-        t_max: [f32::INFINITY; LANES],
+        t_max: [reach; LANES],
         throughput_r: d.throughput.x.to_array(),
         throughput_g: d.throughput.y.to_array(),
         throughput_b: d.throughput.z.to_array(),

@@ -36,8 +36,8 @@
 //! | [`light`] | | a point → a light that may shine there, and where on it; the sky |
 //! | [`sampling`] | | (pixel, sample, dimension, seed) → numbers, directions, choices |
 //! | [`simd`] | | eight lanes, or one, of the arithmetic that kernels are written in |
-//! | [`reference`](mod@reference) | | tables → picture by recursion in f64, to compare with |
-//! | [`measure`] | | two pictures → how far they are apart; statistics for tests |
+//! | [`reference`](mod@reference) | | tables → picture by recursion in f64, and light as a matrix equation, to compare with |
+//! | [`measure`] | | a scene → what light meters read; two pictures → how far they are apart; statistics |
 //!
 //! What a picture means, to the last convention, is `docs/model.md`; `wavefront` and `reference` both
 //! implement that page and share no code. The program around the library is `src/main.rs` and `src/cli`.

@@ -359,6 +359,11 @@ impl Renderer {
         &self.flat
     }
 
+    /// Bytes that layers of light in parts would take: with many lights and bounces, more than there may be.
+    pub fn bytes_of_parts(&self, settings: &RenderSettings) -> u64 {
+        wavefront::bytes_of_parts(&self.flat, settings)
+    }
+
     /// Makes a picture of the tables.
     pub fn render(&self, settings: &RenderSettings, observer: &dyn Observer) -> Rendered {
         wavefront::render(&self.flat, settings, observer)

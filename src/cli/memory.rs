@@ -1,4 +1,4 @@
-//! How much memory the tables of a scene take.
+//! How much memory the tables of a scene take, and how much there is.
 
 use std::mem::size_of_val;
 
@@ -6,6 +6,15 @@ use wavecast::flat::{
     DistantLights, EmissiveShapes, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels, Instances,
     LocalLights, Materials, TextureSlots,
 };
+
+/// Bytes that the system has to give, where it says; else what most machines have.
+pub fn available() -> u64 {
+    const USUAL: u64 = 16 << 30;
+    let Ok(text) = std::fs::read_to_string("/proc/meminfo") else { return USUAL };
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
+    let kibibytes = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
+    kibibytes.map_or(USUAL, |kibibytes| kibibytes * 1024)
+}
 
 /// Bytes by table, in the order of [`FlatScene`].
 pub fn tables(scene: &FlatScene) -> Vec<(&'static str, usize)> {

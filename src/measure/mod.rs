@@ -7,6 +7,7 @@ pub mod heat;
 pub mod meter;
 pub mod metrics;
 pub mod series;
+pub mod solid_angle;
 pub mod ssim;
 pub mod statistics;
 pub mod student;

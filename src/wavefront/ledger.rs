@@ -38,7 +38,8 @@ pub struct Found {
 /// The accounts of a tile, for some samples of each pixel.
 #[derive(Clone, Debug, Default)]
 pub struct Ledger {
-    accounts: Arc<Accounts>,
+    /// None before the first tile.
+    accounts: Option<Arc<Accounts>>,
     /// By layer, the sums of the tile.
     pub parts: Vec<[Sums; REPLICAS]>,
     first_sample: u32,
@@ -60,7 +61,7 @@ impl Ledger {
 
     /// Opens the accounts of a tile of so many pixels, for every `step`-th of samples `from..to`.
     pub fn begin(&mut self, accounts: &Arc<Accounts>, pixels: usize, from: u32, to: u32, step: u32) {
-        self.accounts = Arc::clone(accounts);
+        self.accounts = Some(Arc::clone(accounts));
         (self.first_sample, self.step, self.pixels) = (from, step, pixels as u32);
         let rows = pixels * (to - from).div_ceil(step) as usize;
         self.pending.clear();
@@ -78,8 +79,8 @@ impl Ledger {
     /// What light it is that was sent off by `source`, and scattered so often.
     #[inline]
     pub fn label(&self, scene: &FlatScene, scatterings: u32, source: Source) -> Label {
-        let groups = &self.accounts.groups;
-        Label { scatterings, light: if groups.keys.is_empty() { 0 } else { groups.of(scene, source) } }
+        let groups = self.accounts.as_ref().map(|accounts| &accounts.groups).filter(|groups| !groups.keys.is_empty());
+        Label { scatterings, light: groups.map_or(0, |groups| groups.of(scene, source)) }
     }
 
     /// Notes what the light sample of a path brings if nothing is in its way.
@@ -99,7 +100,7 @@ impl Ledger {
     #[inline]
     pub fn add(&mut self, unit: Unit, pixel: u32, sample: u32, light: [f32; 3], label: Label) {
         let Self { accounts, parts, .. } = self;
-        for part in accounts.splits.of(label) {
+        for part in accounts.iter().flat_map(|accounts| accounts.splits.of(label)) {
             parts[part][replica(sample)].add(unit, pixel as usize, light);
         }
     }
@@ -114,7 +115,7 @@ impl Ledger {
         };
         let mut rest = light.map(|c| unit.quantise(c).0);
         let mut put = |label: Label, steps: [i128; 3]| {
-            for part in self.accounts.splits.of(label) {
+            for part in self.accounts.iter().flat_map(|accounts| accounts.splits.of(label)) {
                 let sum = &mut self.parts[part][replica(sample)].0[pixel as usize];
                 (0..3).for_each(|c| sum[c] += steps[c]);
             }

@@ -91,7 +91,7 @@ use crate::{
     film::{Splits, Tile, Unit},
     flat::{FlatScene, LightGroups, NONE, SceneNeeds, ShadingClass},
     render::{LayerKind, RenderSettings, SamplerKind, Sharing},
-    sampling::{FilterTable, Sampler, replica},
+    sampling::{FilterTable, REPLICAS, Sampler, replica},
     simd::LANES,
 };
 
@@ -211,6 +211,15 @@ impl Job<'_> {
         self.aim = Arc::new(aim);
         self
     }
+}
+
+/// Bytes that a film takes for light in parts.
+pub fn bytes_of_parts(scene: &FlatScene, settings: &RenderSettings) -> u64 {
+    let layers = accounts(scene, settings).splits.layers() as u64;
+    // Sums, and the picture's own numbers; light that falls anywhere is kept apart.
+    let kinds = 1 + u64::from(LightPaths::new(scene, settings).is_some());
+    let sums = kinds * (REPLICAS * size_of::<[i128; 3]>()) as u64 + 2 * size_of::<[f32; 3]>() as u64;
+    layers * sums * u64::from(settings.width) * u64::from(settings.height)
 }
 
 /// Of the light that the settings want to have in parts.

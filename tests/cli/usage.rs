@@ -72,7 +72,6 @@ fn a_quality_for_a_structure_that_has_none_is_an_error_that_says_what_to_do() {
 #[test]
 fn options_and_subcommands_to_come_are_not_accepted_in_silence() {
     for option in [
-        "--integrator direct",
         "--variant red",
         "--at-time 1",
         "--checkpoint a.ckpt",
@@ -80,8 +79,7 @@ fn options_and_subcommands_to_come_are_not_accepted_in_silence() {
         "--max-memory 8GiB",
         "--spec-exact",
         "--shutter 0.1",
-        "--layers bounces",
-        "--layers lights",
+        "--layers paths",
     ] {
         let run = line(&format!("render a.glb -o a.exr {option}")).expect(2);
         let named = option.split(' ').next_back().unwrap();

@@ -11,6 +11,7 @@ mod confidence;
 mod determinism;
 mod gltf;
 mod layering;
+mod lecture;
 mod matrix;
 mod meters;
 mod parts;

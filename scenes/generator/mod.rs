@@ -12,6 +12,8 @@ mod emitters;
 mod gallery;
 mod images;
 mod instances;
+mod kajiya;
+mod led;
 mod lights;
 mod material;
 mod million;
@@ -19,6 +21,7 @@ mod noise;
 mod outdoor;
 mod plates;
 mod punctual;
+mod seasons;
 mod shape;
 mod sky;
 mod window;
@@ -59,6 +62,9 @@ pub fn files() -> Vec<File> {
         under("sky.hdr", file("outdoor.gltf", outdoor::scene())),
         file("door.gltf", door::scene()),
         under("0.6,0.8,1", file("million.glb", million::scene())),
+        file("led.glb", led::scene()),
+        file("seasons.glb", seasons::scene()),
+        file("kajiya.glb", kajiya::scene()),
         File { name: "sky.hdr", bytes: sky::file(), counts: String::from("512 × 256 texels"), env: None },
     ]
 }

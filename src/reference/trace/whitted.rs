@@ -19,7 +19,8 @@ impl Tracer<'_> {
     /// The light that a ray sees of lamps as points, and by way of mirrors and clear glass down to a depth, nit.
     ///
     /// Branches that bring the eye less than a share of 1e-5 are cut off. Emitting triangles are looked for at their middle, two that
-    /// are one parallelogram in the table of lights at its own; there must be no emitting shapes, and nothing that stops rays at random.
+    /// are one parallelogram in the table of lights at its own; there must be no emitting shapes or entities of many such triangles, and
+    /// nothing that stops rays at random.
     pub fn whitted(&self, origin: DVec3, direction: DVec3, most: u32) -> DVec3 {
         let ray = Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max: f64::INFINITY };
         self.branch(Branch { ray, depth: 0, inside: None, share: DVec3::ONE }, most)

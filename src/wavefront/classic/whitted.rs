@@ -1,10 +1,13 @@
 //! Whitted's ray tracing: mirrors and clear glass by recursion, lamps by one ray each, no other light.
 //!
 //! After Whitted 1980, "An Improved Illumination Model for Shaded Display". At each surface every lamp is looked for by one ray:
-//! those without extent where they are, those with one at their middle, so that all shadows are hard. A mirror is followed, and of
+//! those without extent where they are, facets at their middle, and what has many of them, or is a shape, as a ball of that surface, so that
+//! all shadows are hard. A mirror is followed, and of
 //! clear glass both what it reflects and what it lets through, down to the greatest depth. Nothing else is: no light from one
 //! matt surface to another, no blurred reflections, no caustics, and of a sky only what is seen directly, in mirrors and through glass.
 //! There is no noise but that of the pixel filter.
+
+use std::collections::BTreeMap;
 
 use crate::{
     accel::{Coverage, Hit, Solid, Stacks},
@@ -28,6 +31,8 @@ use crate::{
 
 /// Surfaces that a ray goes on from, where nothing else is said: the tree has twice as many branches with each.
 pub const MOST_DEPTH: u32 = 10;
+/// Emitting facets of an entity from which on it is looked for as one lamp.
+const MANY: usize = 16;
 /// Branches that bring the pixel less than this share of their light end.
 const LEAST: f32 = 1e-5;
 
@@ -74,7 +79,8 @@ fn run_covered<C: Coverage>(
     step: u32,
 ) {
     let mut tally = worker.open(job, tile, from, to, step);
-    let mut tree = Tree { job, coverage, stacks: Stacks::default(), worker, lights: lamps(job.scene) };
+    let mut tree =
+        Tree { job, coverage, stacks: Stacks::default(), worker, lights: lamps(job.scene), balls: balls(job.scene) };
     for sample in (from..to).step_by(step as usize) {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
@@ -93,7 +99,7 @@ fn run_covered<C: Coverage>(
     worker.close(tally, tile);
 }
 
-/// Where every lamp with an extent is looked for: its middle, with what it sends from there, as if all came from that point.
+/// Where a facet is looked for: its middle, with what it sends from there, as if all came from that point.
 #[derive(Clone, Copy)]
 struct Lamp {
     /// Row as light is chosen by.
@@ -106,22 +112,66 @@ struct Lamp {
     two_sided: bool,
 }
 
-fn lamps(scene: &FlatScene) -> Vec<Lamp> {
-    let triangles = &scene.lights.triangles;
-    let of_triangle = |row: usize| {
-        let (p, e1, e2) = (triangles.p0[row], triangles.e1[row], triangles.e2[row]);
-        let share = if triangles.four[row] == 1 { 0.5 } else { 1.0 / 3.0 };
-        let texel = if triangles.texture[row] == NONE { [1.0; 4] } else { direct::texel(scene, row, share, share) };
-        Lamp {
-            row: row as u32,
-            at: std::array::from_fn(|i| p[i] + share * (e1[i] + e2[i])),
-            error: triangles.error[row],
-            n: triangles.n[row],
-            power: std::array::from_fn(|i| triangles.radiance[row][i] * texel[i] * triangles.area[row]),
-            two_sided: triangles.two_sided[row] == 1,
+/// A lamp of many facets, or of a formula: as much as a ball of that surface sends to all sides, from its middle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Ball {
+    /// Row as light is chosen by, of one of its facets.
+    row: u32,
+    instance: u32,
+    at: [f32; 3],
+    /// L·A/4, cd: a convex surface shows a quarter of itself on average (Cauchy).
+    intensity: [f32; 3],
+}
+
+/// By instance, the rows of its facets.
+fn facets_of(scene: &FlatScene) -> BTreeMap<u32, Vec<usize>> {
+    let mut rows: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (row, &instance) in scene.lights.triangles.instance.iter().enumerate() {
+        rows.entry(instance).or_default().push(row);
+    }
+    rows
+}
+
+fn balls(scene: &FlatScene) -> Vec<Ball> {
+    let lights = &scene.lights;
+    let of_facets = |(&instance, rows): (&u32, &Vec<usize>)| {
+        let (mut at, mut area, mut intensity) = ([0.0; 3], 0.0, [0.0; 3]);
+        for lamp in rows.iter().map(|&row| facet(scene, row)) {
+            let own = lights.triangles.area[lamp.row as usize];
+            (0..3).for_each(|i| at[i] += own * lamp.at[i]);
+            (0..3).for_each(|i| intensity[i] += 0.25 * lamp.power[i]);
+            area += own;
         }
+        Ball { row: rows[0] as u32, instance, at: at.map(|x| x / area), intensity }
     };
-    (0..triangles.len()).map(of_triangle).collect()
+    let mut balls: Vec<Ball> = facets_of(scene).iter().filter(|(_, rows)| rows.len() > MANY).map(of_facets).collect();
+    balls.extend((0..lights.shapes.len()).map(|i| {
+        let light = lights.shapes.row(i);
+        let m = scene.instances.world_from_local[light.instance as usize];
+        let intensity = light.radiance.map(|c| 0.25 * light.world_area * c);
+        Ball { row: lights.first_shape() + i as u32, instance: light.instance, at: [m[3], m[7], m[11]], intensity }
+    }));
+    balls
+}
+
+fn lamps(scene: &FlatScene) -> Vec<Lamp> {
+    let few = facets_of(scene).into_values().filter(|rows| rows.len() <= MANY);
+    few.flatten().map(|row| facet(scene, row)).collect()
+}
+
+fn facet(scene: &FlatScene, row: usize) -> Lamp {
+    let triangles = &scene.lights.triangles;
+    let (p, e1, e2) = (triangles.p0[row], triangles.e1[row], triangles.e2[row]);
+    let share = if triangles.four[row] == 1 { 0.5 } else { 1.0 / 3.0 };
+    let texel = if triangles.texture[row] == NONE { [1.0; 4] } else { direct::texel(scene, row, share, share) };
+    Lamp {
+        row: row as u32,
+        at: std::array::from_fn(|i| p[i] + share * (e1[i] + e2[i])),
+        error: triangles.error[row],
+        n: triangles.n[row],
+        power: std::array::from_fn(|i| triangles.radiance[row][i] * texel[i] * triangles.area[row]),
+        two_sided: triangles.two_sided[row] == 1,
+    }
 }
 
 struct Tree<'a, 'b, C> {
@@ -130,6 +180,7 @@ struct Tree<'a, 'b, C> {
     stacks: Stacks,
     worker: &'a mut Worker,
     lights: Vec<Lamp>,
+    balls: Vec<Ball>,
 }
 
 impl<C: Coverage> Tree<'_, '_, C> {
@@ -273,23 +324,20 @@ impl<C: Coverage> Tree<'_, '_, C> {
             let (wi, arriving) = (V3::from_array(light.to_light), V3::from_array(light.illuminance));
             self.lit_from(ray, surface, bsdf, None, wi, arriving, lights.first_distant() + i as u32, sample);
         }
-        for i in 0..lights.shapes.len() {
-            let light = lights.shapes.row(i);
-            let m = self.job.scene.instances.world_from_local[light.instance as usize];
-            let at = V3::<f32>::new(m[3], m[7], m[11]);
-            let to = at - surface.p;
+        for i in 0..self.balls.len() {
+            let Ball { row, instance, at, intensity } = self.balls[i];
+            let to = V3::<f32>::from_array(at) - surface.p;
             let distance2 = to.length_squared().max(f32::MIN_POSITIVE);
             let wi = to * (1.0 / distance2.sqrt());
-            // As much as a ball of that surface sends to all sides: I = L·A/4.
-            let arriving = V3::from_array(light.radiance) * (0.25 * light.world_area / distance2);
-            // Only as far as the lamp's own surface.
-            let id = self.name(sample, ray.depth, 2);
-            let start = surface.leave(true).lane(0);
-            let met =
-                self.job.scene.accel.nearest(start, wi.lane(0), f32::INFINITY, id, self.coverage, &mut self.stacks);
+            let up = surface.frame.to_local(wi).z > 0.0;
+            // As far as the lamp's own surface.
+            let (id, start) = (self.name(sample, ray.depth, 2), surface.leave(up).lane(0));
+            let accel = &self.job.scene.accel;
+            let met = accel.nearest(start, wi.lane(0), f32::INFINITY, id, self.coverage, &mut self.stacks);
             self.worker.counters.rays.shadow += 1;
-            if met.instance == light.instance {
-                self.reflect(ray, surface, bsdf, wi, arriving, lights.first_shape() + i as u32, sample);
+            if met.instance == instance {
+                let arriving = V3::from_array(intensity) * (1.0 / distance2);
+                self.reflect(ray, surface, bsdf, wi, arriving, row, sample);
             }
         }
     }

@@ -1,0 +1,131 @@
+//! What `docs/light.md` says, with the scenes that it says it of.
+
+use glam::DVec3;
+use wavecast::{
+    measure::{
+        flux::flux,
+        meter::{Effort, Meters, Reading, read},
+        student::Estimate,
+    },
+    render::{Integrator, RenderSettings, Renderer},
+    world::{PointLight, Scene},
+};
+
+use crate::common::{load_scene, mean, root, settings};
+
+fn tables(file: &str) -> (Scene, Renderer) {
+    let mut scene = load_scene(&root().join("scenes").join(file));
+    let mut renderer = Renderer::new();
+    let report = renderer.sync(&mut scene);
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    (scene, renderer)
+}
+
+fn lux(renderer: &Renderer, p: DVec3, n: DVec3, max_depth: Option<u32>, samples: u64) -> Reading {
+    let effort = Effort { error: None, samples: Some(samples), max_depth, ..Effort::default() };
+    read(renderer.scene(), &Meters::Planes(vec![(p, n)]), &effort, &()).mean
+}
+
+#[track_caller]
+fn check(what: &str, got: f64, want: f64) {
+    println!("{what}: {got:.4}, {want:.4}");
+    assert!((got / want - 1.0).abs() < 1e-3, "{what}: {got} {want}");
+}
+
+/// 815 lm make 64.86 cd, 64.86 lx at 1 m, a quarter of that at 2 m, half of it where a plane is turned away by 60°.
+#[test]
+fn the_lamp_of_815_lumens() {
+    let (scene, renderer) = tables("led.glb");
+    let led = scene.keys_with::<PointLight>()[0];
+    check("flux", flux(renderer.scene(), led.0).expect("a lamp").value.value, 815.0);
+    check("intensity", f64::from(scene.get::<PointLight>(led).expect("a lamp").intensity.0), 64.8556);
+    let direct = |p: DVec3, n: DVec3| lux(&renderer, p, n, Some(0), 1024).value.value;
+    check("1 m", direct(DVec3::Y, -DVec3::Y), 64.86);
+    check("2 m", direct(2.0 * DVec3::Y, -DVec3::Y), 16.21);
+    check("the die's top", direct(-DVec3::Y, DVec3::new(-60_f64.to_radians().sin(), 0.5, 0.0)), 32.43);
+    // On the floor beside the die: cos⁴ of the angle over h², h = 2 m.
+    let angle = (1.0_f64 / 2.0).atan();
+    check("the floor", direct(DVec3::new(-1.0, -2.0, 0.0), DVec3::Y), 64.8556 / 4.0 * angle.cos().powi(3));
+    // The nearest points of the balls, a hair before them.
+    let hair = 1e-3;
+    check("near ball", direct((1.0 - hair) * DVec3::X, -DVec3::X) * (1.0 - hair).powi(2), 64.86);
+    check("far ball", direct((2.0 - hair) * -DVec3::Z, DVec3::Z) * (1.0 - hair / 2.0).powi(2), 16.21);
+}
+
+/// At 45° of latitude the noon of June has sin 68.5° of the sun, that of December sin 21.5°: 2.54 times as much.
+#[test]
+fn the_seasons() {
+    let (_, renderer) = tables("seasons.glb");
+    // The normal of a place at noon lies in the plane of axis and sun, which is towards +X.
+    let noon = |latitude: f64, tilt: f64| {
+        let angle = (latitude - tilt).to_radians();
+        DVec3::new(angle.cos(), angle.sin(), 0.0)
+    };
+    let at = |latitude: f64, tilt: f64, center: DVec3| {
+        let n = noon(latitude, tilt);
+        lux(&renderer, center + 1.001 * n, n, Some(0), 1024).value.value
+    };
+    let (june, december) = (DVec3::ZERO, DVec3::new(0.0, -3.0, 0.0));
+    let sine = |degrees: f64| degrees.to_radians().sin();
+    for latitude in [0.0, 23.5, 45.0, 60.0] {
+        check(&format!("June, {latitude}°"), at(latitude, 23.5, june), 3.0 * sine(90.0 - latitude + 23.5));
+        check(&format!("December, {latitude}°"), at(latitude, -23.5, december), 3.0 * sine(90.0 - latitude - 23.5));
+    }
+    check("June over December", at(45.0, 23.5, june) / at(45.0, -23.5, december), 2.5387);
+    // Beyond the arctic circle the sun does not rise in December.
+    assert_eq!(at(70.0, -23.5, december), 0.0);
+}
+
+/// In Kajiya's scene the light that glass gathers is green, and what comes back from the base is red: neither is in direct light.
+#[test]
+fn caustics_are_green_and_bleeding_is_red() {
+    let (_, renderer) = tables("kajiya.glb");
+    let share = |reading: &Reading, a: usize, b: usize| {
+        let [a, b]: [Estimate; 2] = [reading.rgb[a], reading.rgb[b]];
+        let relative = (a.variance / a.value.powi(2) + b.variance / b.value.powi(2)).sqrt();
+        (a.value / b.value, 2.0 * relative * a.value / b.value)
+    };
+    // Where the small ball sends the lamp's light.
+    let caustic = DVec3::new(-0.168, 5e-4, 1.421);
+    let all = lux(&renderer, caustic, DVec3::Y, None, 1 << 21);
+    let straight = lux(&renderer, caustic, DVec3::Y, Some(0), 1 << 16);
+    let (green, half) = share(&all, 1, 0);
+    println!(
+        "caustic: {:.3} lx, G/R {green:.3} ± {half:.3}; straight from the lamp {:.3} lx",
+        all.value.value, straight.value.value
+    );
+    assert!(green - half > 1.2, "{green} ± {half}");
+    assert_eq!(straight.value.value, 0.0, "it lies in the ball's shadow");
+    let beside = lux(&renderer, DVec3::new(0.8, 5e-4, 1.4), DVec3::Y, Some(0), 1 << 16);
+    assert!(all.value.interval(0.95)[0] > beside.value.value, "and is brighter than the open base");
+    // The wall, low down, where it sees the base.
+    let low = DVec3::new(0.6, 0.15, -1.599);
+    let (all, straight) =
+        (lux(&renderer, low, DVec3::Z, None, 1 << 20), lux(&renderer, low, DVec3::Z, Some(0), 1 << 16));
+    let (red, half) = share(&all, 0, 1);
+    println!("wall: R/G {red:.4} ± {half:.4}, straight from the lamp {:.4}", share(&straight, 0, 1).0);
+    assert!((share(&straight, 0, 1).0 - 1.0).abs() < 1e-4);
+    assert!(red - half > 1.02, "{red} ± {half}");
+}
+
+/// What each integrator misses of the light, scene by scene: the table of `docs/light.md`.
+#[test]
+fn what_the_classic_integrators_leave_out() {
+    // Share of the path tracer's light, %.
+    for (file, direct, whitted) in [
+        ("cornell.gltf", 78.0, 78.0),
+        ("caustic.glb", 71.5, 76.0),
+        ("plates.gltf", 98.0, 26.0),
+        ("kajiya.glb", 84.0, 84.0),
+    ] {
+        let (_, renderer) = tables(file);
+        let light = |integrator| {
+            let settings = RenderSettings { integrator, ..settings(96, 64) };
+            mean(&renderer.render(&settings, &()))[1]
+        };
+        let all = light(Integrator::Path);
+        let [got_direct, got_whitted] = [Integrator::Direct, Integrator::Whitted].map(|kind| 100.0 * light(kind) / all);
+        println!("{file}: direct {got_direct:.1} %, Whitted {got_whitted:.1} %");
+        assert!((got_direct - direct).abs() < 3.0 && (got_whitted - whitted).abs() < 3.0, "{file}");
+    }
+}

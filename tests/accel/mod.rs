@@ -7,7 +7,7 @@ use wavecast::render::{AccelKind, Quality, RenderSettings, Renderer};
 use crate::common::{load_scene, root, settings};
 
 /// Scenes of `scenes/`, with the height of a picture that brute force renders in a second or so.
-const SCENES: [(&str, u32); 13] = [
+const SCENES: [(&str, u32); 16] = [
     ("alpha.gltf", 6),
     ("caustic.glb", 4),
     ("cornell.gltf", 24),
@@ -15,11 +15,14 @@ const SCENES: [(&str, u32); 13] = [
     ("emitters.gltf", 4),
     ("gallery.glb", 2),
     ("instances.glb", 2),
+    ("kajiya.glb", 4),
+    ("led.glb", 8),
     ("lights.glb", 4),
     ("million.glb", 2),
     ("outdoor.gltf", 2),
     ("plates.gltf", 8),
     ("punctual.gltf", 4),
+    ("seasons.glb", 4),
     ("window.gltf", 4),
 ];
 

@@ -89,6 +89,10 @@ pub struct Args {
 
 /// Samples of a meter if nothing says when to stop but a number of samples cannot reach the error.
 const DEFAULT_ERROR: f64 = 0.01;
+/// Coordinates that are read, m.
+const FARTHEST: f64 = 1e12;
+/// Points that are read at once.
+const MOST_POINTS: u64 = 1 << 20;
 /// Points on a surface.
 const POINTS_ON: usize = 1024;
 
@@ -96,7 +100,9 @@ const POINTS_ON: usize = 1024;
 fn vector(text: &str) -> Result<DVec3, String> {
     let parts: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
     match parts[..] {
-        [x, y, z] if parts.iter().all(|c| c.is_finite()) && text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
+        [x, y, z] if parts.iter().all(|c| c.abs() <= FARTHEST) && text.split(',').count() == 3 => {
+            Ok(DVec3::new(x, y, z))
+        }
         _ => Err("expected X,Y,Z, such as 0,0.8,-1".into()),
     }
 }
@@ -125,13 +131,15 @@ struct Answer {
     samples: u64,
     seconds: f64,
     reached: bool,
+    /// Contributions that were not finite.
+    discarded: u64,
     /// Points along two directions, and their readings.
     grid: Option<([u32; 2], Vec<Reading>)>,
 }
 
 impl Answer {
     fn new(kind: &'static str, at: String, unit: &'static str, readings: Readings) -> Self {
-        let Readings { each, mean, samples, seconds, reached, .. } = readings;
+        let Readings { each, mean, samples, seconds, reached, discarded } = readings;
         Self {
             kind,
             at,
@@ -141,6 +149,7 @@ impl Answer {
             samples,
             seconds,
             reached,
+            discarded,
             grid: Some(([each.len() as u32, 1], each)),
         }
     }
@@ -172,13 +181,13 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
         Effort { error, samples: args.spp, time: args.time, seed: args.seed, threads, max_depth: args.max_depth };
     interrupt::keep_from_now_on();
     let watcher = Watcher::new(console.is_quiet());
-    let mut answers = Vec::new();
+    let mut answers: Vec<Answer> = Vec::new();
     for pair in args.lux.chunks_exact(2) {
         let readings = read(flat, &Meters::Planes(vec![(pair[0], pair[1])]), &effort, &watcher);
         answers.push(Answer::new("lux", format!("{} facing {}", text_of(pair[0]), text_of(pair[1])), "lx", readings));
     }
     for plane in args.lux_plane.chunks_exact(3) {
-        answers.push(on_plane(flat, [plane[0], plane[1], plane[2]], args.grid, &effort, &watcher));
+        answers.push(on_plane(flat, [plane[0], plane[1], plane[2]], args.grid, &effort, &watcher)?);
     }
     for name in &args.on {
         answers.push(on_entity(&scene, flat, args, name, &effort, &watcher)?);
@@ -205,11 +214,15 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
             samples: 0,
             seconds: 0.0,
             reached: true,
+            discarded: 0,
             grid: None,
         });
     }
     for path in &args.output {
         write(path, &answers)?;
+    }
+    for answer in answers.iter().filter(|answer| answer.discarded > 0) {
+        console.warn(format_args!("{} {}: {} samples were left out", answer.kind, answer.at, answer.discarded));
     }
     for answer in answers.iter().filter(|answer| !answer.reached) {
         console.warn(format_args!("{} {}: stopped before the error that was asked for", answer.kind, answer.at));
@@ -257,7 +270,7 @@ fn on_plane(
     grid: Option<Size>,
     effort: &Effort,
     watcher: &Watcher,
-) -> Answer {
+) -> Result<Answer, CliError> {
     let [columns, rows] = grid.map_or_else(
         || {
             // By the longer edge, unless the plane is much longer than wide; then along each by itself (as there).
@@ -273,6 +286,7 @@ fn on_plane(
         },
         |size| size.0,
     );
+    check_points("--lux-plane", [columns, rows])?;
     let n = u.cross(v).normalize();
     let at = |i: usize| {
         let (x, y) = (i as u32 % columns, i as u32 / columns);
@@ -281,7 +295,15 @@ fn on_plane(
     let places = (0..(columns * rows) as usize).map(|i| (at(i), n)).collect();
     let readings = read(flat, &Meters::Planes(places), effort, watcher);
     let name = format!("{} along {} and {}, {columns} × {rows} points", text_of(corner), text_of(u), text_of(v));
-    Answer::new("lux-plane", name, "lx", readings).over([columns, rows], |i| text_of(at(i)))
+    Ok(Answer::new("lux-plane", name, "lx", readings).over([columns, rows], |i| text_of(at(i))))
+}
+
+fn check_points(option: &str, [columns, rows]: [u32; 2]) -> Result<(), CliError> {
+    let points = u64::from(columns) * u64::from(rows);
+    if points <= MOST_POINTS {
+        return Ok(());
+    }
+    Err(CliError::Usage(format!("{option}: {points} points are more than the {MOST_POINTS} that are read at once")))
 }
 
 /// The entity that is called so, or has that key.
@@ -379,6 +401,7 @@ fn of_region(
             size[0], size[1]
         )));
     }
+    check_points("--nit", [w, h])?;
     let pixel = |i: usize| [x + i as u32 % w, y + i as u32 / w];
     let pixels: Vec<[u32; 2]> = (0..(w * h) as usize).map(pixel).collect();
     let readings = read(renderer.scene(), &Meters::Pixels(size, pixels), effort, watcher);
@@ -432,7 +455,7 @@ fn reading_json(reading: &Reading) -> Value {
 }
 
 fn as_json(answer: &Answer) -> Value {
-    let Answer { kind, at, unit, mean, extremes, samples, seconds, reached, grid } = answer;
+    let Answer { kind, at, unit, mean, extremes, samples, seconds, reached, grid, .. } = answer;
     let mut value = json!({
         "kind": kind,
         "at": at,

@@ -2,18 +2,39 @@
 
 use std::mem::size_of_val;
 
-use wavecast::flat::{
-    DistantLights, EmissiveShapes, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels, Instances,
-    LocalLights, Materials, TextureSlots,
+use wavecast::{
+    flat::{
+        DistantLights, EmissiveShapes, EmissiveTriangles, EnvironmentLight, FlatMesh, FlatScene, ImageTexels,
+        Instances, LocalLights, Materials, TextureSlots,
+    },
+    render::{RenderSettings, Renderer},
 };
 
+use super::error::CliError;
+
 /// Bytes that the system has to give, where it says; else what most machines have.
-pub fn available() -> u64 {
+fn available() -> u64 {
     const USUAL: u64 = 16 << 30;
     let Ok(text) = std::fs::read_to_string("/proc/meminfo") else { return USUAL };
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kibibytes = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
     kibibytes.map_or(USUAL, |kibibytes| kibibytes * 1024)
+}
+
+/// Refuses layers of light in parts that do not fit.
+pub fn check_parts(renderer: &Renderer, settings: &RenderSettings) -> Result<(), CliError> {
+    let (needed, there) = (renderer.bytes_of_parts(settings), available());
+    if needed <= there {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    Err(CliError::Usage(format!(
+        "light in so many parts takes {:.1} GiB at {} × {} pixels, and {:.1} GiB are free; ask for fewer layers or a smaller --size",
+        gigabytes(needed),
+        settings.width,
+        settings.height,
+        gigabytes(there)
+    )))
 }
 
 /// Bytes by table, in the order of [`FlatScene`].

@@ -112,18 +112,7 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     let accel = args.scene.accel.report(renderer.scene(), build_time);
 
     let settings = settings(&args, common, &renderer.scene().camera)?;
-    let (needed, there) = (renderer.bytes_of_parts(&settings), memory::available());
-    if needed > there {
-        let gigabytes = |bytes: u64| bytes as f64 / f64::from(1 << 30);
-        return Err(CliError::Usage(format!(
-            "--layers: light in so many parts takes {:.1} GiB at {} × {} pixels, and {:.1} GiB are free; ask for fewer layers or a \
-             smaller --size",
-            gigabytes(needed),
-            settings.width,
-            settings.height,
-            gigabytes(there)
-        )));
-    }
+    memory::check_parts(&renderer, &settings)?;
     interrupt::keep_from_now_on();
     let watcher = Watcher::new(console.is_quiet());
     let mut rendered = renderer.render(&settings, &watcher);

@@ -22,6 +22,7 @@ use super::{
     error::CliError,
     interrupt,
     label::{Canvas, LINE},
+    memory,
     plot::{COLORS, decades, draw},
     progress::Watcher,
     scene::{Opened, SceneArgs, default_size},
@@ -111,6 +112,7 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
         threads: common.threads.map_or(0, usize::from),
         ..RenderSettings::default()
     };
+    memory::check_parts(&renderer, &settings)?;
     interrupt::keep_from_now_on();
     let watcher = Watcher::new(console.is_quiet());
     let rendered = renderer.render(&settings, &watcher);

@@ -110,7 +110,9 @@ pub fn read(scene: &FlatScene, meters: &Meters, effort: &Effort, observer: &dyn 
         Some(_) => FIRST_SPP.min(most_spp),
     };
     let mut seconds_each = 0.0;
-    for round in 0.. {
+    let mut last = None;
+    let mut round = 0;
+    loop {
         let left = effort.time.map(|limit| limit.saturating_sub(start.elapsed()));
         if let Some(left) = left
             && seconds_each > 0.0
@@ -118,10 +120,14 @@ pub fn read(scene: &FlatScene, meters: &Meters, effort: &Effort, observer: &dyn 
             spp = spp.min((left.as_secs_f64() / seconds_each) as u32).max(1);
         }
         let before = start.elapsed().as_secs_f64();
-        let rendered = round_of(&scene, &aim, meters, count * copies, spp, effort, round, observer);
-        seconds_each = (start.elapsed().as_secs_f64() - before) / f64::from(spp);
+        let rendered = round_of(&scene, &aim, meters, count * copies, spp, effort, (round, left), observer);
+        if rendered.stats.cancelled {
+            // Some copies have been read and others not: these say nothing.
+            return last.unwrap_or_else(|| readings(&rendered, meters, copies).unknown());
+        }
+        seconds_each = (start.elapsed().as_secs_f64() - before) / rendered.stats.spp.max(1.0);
         let mut readings = readings(&rendered, meters, copies);
-        readings.samples = (f64::from(spp) * copies as f64) as u64;
+        readings.samples = (rendered.stats.spp * copies as f64).round() as u64;
         readings.seconds = start.elapsed().as_secs_f64();
         let Some(target) = effort.error else {
             readings.reached = true;
@@ -132,15 +138,26 @@ pub fn read(scene: &FlatScene, meters: &Meters, effort: &Effort, observer: &dyn 
         let half = 0.5 * (to - from);
         readings.reached = half <= target * value.value.abs();
         let late = effort.time.is_some_and(|limit| start.elapsed().as_secs_f64() + seconds_each >= limit.as_secs_f64());
-        if readings.reached || round + 1 == ROUNDS || spp >= most_spp || late || observer.cancelled() {
+        if readings.reached || round + 1 == ROUNDS || spp >= most_spp || late {
             return readings;
         }
         // Nothing was found yet: look harder.
         let ratio = if value.value == 0.0 { 16.0 } else { (half / (target * value.value.abs())).powi(2) };
         let want = f64::from(spp) * (MARGIN * ratio).max(1.5);
         spp = want.min(f64::from(most_spp)).min(f64::from(1_u32 << 30)) as u32;
+        last = Some(readings);
+        round += 1;
     }
-    unreachable!("rounds end by their number")
+}
+
+impl Readings {
+    /// With intervals that reach everywhere.
+    fn unknown(mut self) -> Self {
+        for reading in self.each.iter_mut().chain([&mut self.mean]) {
+            reading.rgb.iter_mut().chain([&mut reading.value]).for_each(|estimate| estimate.variance = f64::INFINITY);
+        }
+        self
+    }
 }
 
 fn round_of(
@@ -150,7 +167,7 @@ fn round_of(
     pixels: usize,
     spp: u32,
     effort: &Effort,
-    round: usize,
+    (round, left): (usize, Option<Duration>),
     observer: &dyn Observer,
 ) -> Rendered {
     let width = WIDTH.min(pixels.max(1));
@@ -160,6 +177,7 @@ fn round_of(
         width: width as u32,
         height: pixels.div_ceil(width) as u32,
         spp: Some(spp),
+        time: left,
         max_depth: effort.max_depth.map(|most| most.saturating_add(more)),
         // Rounds have nothing to do with one another.
         seed: effort.seed.wrapping_mul(ROUNDS as u64).wrapping_add(round as u64),

@@ -4,7 +4,7 @@ use std::{ops::Range, time::Duration};
 
 pub use crate::accel::{AccelKind, Quality};
 use crate::{
-    film::{Picture, PictureError, Split},
+    film::{ExpressionError, PathLayer, Picture, PictureError, Split},
     flat::FlatScene,
     measure::student::Estimate,
     systems::Systems,
@@ -140,8 +140,11 @@ pub struct RenderSettings {
     pub caustics: bool,
     /// Alpha 0 where the background shows, and no background light there.
     pub transparent: bool,
-    /// Layers beside the beauty picture.
+    /// Layers beside the beauty picture. Those of light by paths are left out with [`Integrator::Whitted`] and
+    /// [`Integrator::Ambient`].
     pub layers: Vec<LayerKind>,
+    /// The layers of [`Split::Paths`]; before, [`find_lights`] finds the lights that they name.
+    pub paths: Vec<PathLayer>,
     /// Paths in a wave.
     pub wave_size: usize,
     /// Order a wave by the shading that its hits need, so that blocks of eight need the same. It changes no bit of a
@@ -173,6 +176,7 @@ impl Default for RenderSettings {
             caustics: true,
             transparent: false,
             layers: Vec::new(),
+            paths: Vec::new(),
             wave_size: 2048,
             sort: true,
             tile_size: 32,
@@ -333,6 +337,25 @@ pub fn name_lights(rendered: &mut Rendered, scene: &Scene) {
     }
 }
 
+/// Finds the lights that layers by paths name: entities with that [`Name`]; or with that key, which numbers are; the sky is
+/// called `sky` too.
+///
+/// # Errors
+///
+/// The first name that no entity has.
+pub fn find_lights(settings: &mut RenderSettings, scene: &Scene) -> Result<(), String> {
+    let named = scene.keys_with::<Name>();
+    let skies = scene.keys_with::<Environment>();
+    let find = |name: &str| {
+        let has_it = |key: &&SceneKey| scene.get::<Name>(**key).is_some_and(|other| *other.0 == *name);
+        let number = name.parse().ok().map(SceneKey).filter(|key| scene.entity(*key).is_some());
+        let found = named.iter().filter(has_it).copied().chain(number);
+        let keys = found.map(|key| if skies.contains(&key) { u64::MAX } else { key.0 });
+        keys.chain((name == "sky" && !skies.is_empty()).then_some(u64::MAX)).collect()
+    };
+    settings.paths.iter_mut().try_for_each(|path| path.expression.resolve(find))
+}
+
 /// Holds the tables of a scene between pictures of it.
 #[derive(Default)]
 pub struct Renderer {
@@ -360,7 +383,11 @@ impl Renderer {
     }
 
     /// Bytes that layers of light in parts would take: with many lights and bounces, more than there may be.
-    pub fn bytes_of_parts(&self, settings: &RenderSettings) -> u64 {
+    ///
+    /// # Errors
+    ///
+    /// Layers by paths that would need too many states; [`Renderer::render`] leaves all such out then.
+    pub fn bytes_of_parts(&self, settings: &RenderSettings) -> Result<u64, ExpressionError> {
         wavefront::bytes_of_parts(&self.flat, settings)
     }
 

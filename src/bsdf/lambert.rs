@@ -40,6 +40,11 @@ impl Bsdf for Lambert {
     }
 
     #[inline(always)]
+    fn diffuse_share<F: Real>(_: &Rgb<F>, _: V3<F>) -> Rgb<F> {
+        V3::splat(1.0)
+    }
+
+    #[inline(always)]
     fn scatters<F: Real>(_: &Rgb<F>) -> F::Mask {
         F::Mask::splat(true)
     }

@@ -126,6 +126,9 @@ pub trait Bsdf: Copy + 'static {
     /// Draws a direction with three numbers in [0, 1).
     fn sample<F: Real>(prepared: &Self::Prepared<F>, u_lobe: F, u: (F, F)) -> Sampled<F>;
 
+    /// Of [`Bsdf::eval`], the share of the diffuse lobe, channel by channel; 1 where there is nothing to share.
+    fn diffuse_share<F: Real>(prepared: &Self::Prepared<F>, wi: V3<F>) -> Rgb<F>;
+
     /// True where a part is not a delta, so that samples of lights are worth taking.
     fn scatters<F: Real>(prepared: &Self::Prepared<F>) -> F::Mask;
 }
@@ -139,6 +142,15 @@ fn diffuse_probability<F: Real>(diffuse: F, specular: F, has_diffuse: F::Mask, h
     let both = (diffuse / sum).max(F::splat(0.05)).min(F::splat(0.95));
     let one = F::one().masked(has_diffuse | !has_specular);
     F::select(has_diffuse & has_specular, both, one)
+}
+
+/// A part of f over all of it.
+#[inline(always)]
+fn share<F: Real>(part: Rgb<F>, all: Rgb<F>) -> Rgb<F> {
+    part.zip(all, |part, all| {
+        let any = all.gt(F::zero());
+        F::select(any, (part / F::select(any, all, F::one())).min(F::one()), F::one())
+    })
 }
 
 /// f·cos over pdf, 0 where nothing was drawn.

@@ -3,7 +3,7 @@
 use super::fresnel::{dielectric_f0, schlick_weight};
 use super::ggx::Facets;
 use super::hemisphere::{cosine_density, cosine_direction, sin_cos_turn};
-use super::{Bsdf, DELTA_ALPHA, Params, Sampled, diffuse_probability, ratio};
+use super::{Bsdf, DELTA_ALPHA, Params, Sampled, diffuse_probability, ratio, share};
 use crate::simd::{Mask, Real, Rgb, V3};
 
 /// glTF's metallic-roughness surface without transmission.
@@ -152,6 +152,14 @@ impl Bsdf for Opaque {
         }
         let no = F::Mask::splat(false);
         Sampled { wi, weight, pdf, delta, transmitted: no, valid, eta_scale: F::one() }
+    }
+
+    #[inline(always)]
+    fn diffuse_share<F: Real>(prepared: &Prepared<F>, wi: V3<F>) -> Rgb<F> {
+        let Prepared { wo, mix, .. } = prepared;
+        let w = schlick_weight((*wo + wi).length_squared().sqrt() * F::splat(0.5));
+        let diffuse = mix.diffuse * (mix.kd(w) * cosine_density(wi.z.max(F::zero())));
+        share(diffuse, Self::eval(prepared, wi).0)
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use super::fresnel::{Interface, Meeting, schlick_weight};
 use super::ggx::Facets;
 use super::hemisphere::{cosine_density, cosine_direction, sin_cos_turn};
 use super::opaque::Mix;
-use super::{Bsdf, DELTA_ALPHA, Params, Sampled, diffuse_probability, ratio};
+use super::{Bsdf, DELTA_ALPHA, Params, Sampled, diffuse_probability, ratio, share};
 use crate::simd::{Mask, Real, Rgb, V3};
 
 /// glTF's metallic-roughness surface with transmission, as a thin wall or as the boundary of a solid.
@@ -249,6 +249,15 @@ impl Bsdf for Transmissive {
             valid = (valid & !delta) | (delta & right_side);
         }
         Sampled { wi, weight, pdf, delta, transmitted: transmit, valid, eta_scale }
+    }
+
+    #[inline(always)]
+    fn diffuse_share<F: Real>(prepared: &Prepared<F>, wi: V3<F>) -> Rgb<F> {
+        let Prepared { mix, .. } = prepared;
+        let facet = prepared.facet(wi);
+        let cosine = cosine_density(wi.z.abs()).masked(wi.z.gt(F::zero()));
+        let diffuse = mix.diffuse * (mix.kd(schlick_weight(facet.cos)) * cosine);
+        share(diffuse, prepared.value(wi, &facet, &prepared.share(facet.cos)).0)
     }
 
     #[inline(always)]

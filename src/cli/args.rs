@@ -4,7 +4,7 @@ use std::{ops::Range, path::PathBuf, time::Duration};
 
 use clap::ValueEnum;
 use wavecast::{
-    film::{Exposure, Split, ToneMap, WriteOptions},
+    film::{Exposure, ExpressionError, PathLayer, Split, ToneMap, WriteOptions},
     render::{LayerKind, PixelFilter, SamplerKind},
 };
 
@@ -204,6 +204,23 @@ pub enum IntegratorArg {
     Ao,
 }
 
+/// `--lpe NAME=EXPRESSION`.
+pub fn path_layer(text: &str) -> Result<PathLayer, String> {
+    let Some((name, expression)) = text.split_once('=') else {
+        return Err("expected NAME=EXPRESSION, such as caustics=CD<T.>+L".into());
+    };
+    let name = name.trim();
+    if name.is_empty() || !name.chars().all(|c| c.is_alphanumeric() || "-_".contains(c)) {
+        return Err("a layer's name is letters, digits, - and _".into());
+    }
+    let is_taken = LayerArg::value_variants().iter().any(|&layer| value_name(layer) == name);
+    if is_taken || ["emission", "indirect", "R", "G", "B", "A"].contains(&name) || name.starts_with("bounce") {
+        return Err(format!("{name} is what another layer is called"));
+    }
+    let expression = expression.parse().map_err(|error: ExpressionError| error.to_string())?;
+    Ok(PathLayer { name: name.to_owned(), expression })
+}
+
 /// `--layers`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LayerArg {
@@ -238,6 +255,11 @@ pub enum LayerArg {
     /// By both: light.NAME.direct and light.NAME.indirect
     #[value(name = "lights.direct")]
     LightsByDirect,
+    /// By what the first surface does: emission, diffuse.direct, diffuse.indirect, specular.…, transmission.…
+    Lobes,
+    /// By both: diffuse.bounce01, …
+    #[value(name = "lobes.bounces")]
+    LobesByBounces,
 }
 
 impl From<LayerArg> for LayerKind {
@@ -257,6 +279,8 @@ impl From<LayerArg> for LayerKind {
             LayerArg::Direct => Self::Light(Split::Direct),
             LayerArg::LightsByBounces => Self::Light(Split::LightsByBounces),
             LayerArg::LightsByDirect => Self::Light(Split::LightsByDirect),
+            LayerArg::Lobes => Self::Light(Split::Lobes),
+            LayerArg::LobesByBounces => Self::Light(Split::LobesByBounces),
         }
     }
 }

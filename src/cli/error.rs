@@ -26,6 +26,9 @@ pub enum CliError {
     #[error("{}: {wanted:?} sends off no light of its own, or shines from infinitely far away; there is {available}",
         scene.display())]
     NoLight { scene: PathBuf, wanted: String, available: String },
+    /// An expression names a light that is not there.
+    #[error("--lpe: {} has no light {wanted:?}; there is {available}", scene.display())]
+    NoNamedLight { scene: PathBuf, wanted: String, available: String },
     /// Pictures that have no pixels in common.
     #[error("{} is {} × {} pixels and {} is {} × {}; only pictures of one size can be compared",
         a.display(), a_size[0], a_size[1], b.display(), b_size[0], b_size[1])]

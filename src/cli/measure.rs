@@ -29,7 +29,7 @@ use super::{
     interrupt,
     label::{Canvas, LINE},
     progress::Watcher,
-    scene::{Opened, SceneArgs, default_size},
+    scene::{Opened, SceneArgs, default_size, light_names},
 };
 
 /// Read light meters: illuminance at a point, on a plane or a surface, luminance of what the camera sees, flux of a light
@@ -326,14 +326,6 @@ fn entity(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> 
         let available = if list.is_empty() { "none with a name".into() } else { list };
         CliError::NoEntity { scene: args.scene.file.clone(), wanted: name.into(), available }
     })
-}
-
-fn light_names(scene: &Scene, flat: &FlatScene) -> String {
-    let groups = wavecast::flat::LightGroups::new(flat);
-    let name =
-        |&key: &u64| scene.get::<Name>(SceneKey(key)).map_or_else(|| key.to_string(), |name| format!("{:?}", name.0));
-    let names: Vec<String> = groups.keys.iter().filter(|&&key| key != u64::MAX).map(name).take(20).collect();
-    if names.is_empty() { "none with a flux".into() } else { names.join(", ") }
 }
 
 fn on_entity(

@@ -23,7 +23,8 @@ fn available() -> u64 {
 
 /// Refuses layers of light in parts that do not fit.
 pub fn check_parts(renderer: &Renderer, settings: &RenderSettings) -> Result<(), CliError> {
-    let (needed, there) = (renderer.bytes_of_parts(settings), available());
+    let needed = renderer.bytes_of_parts(settings).map_err(|error| CliError::Usage(error.to_string()))?;
+    let there = available();
     if needed <= there {
         return Ok(());
     }

@@ -7,9 +7,9 @@ use std::{
 };
 
 use wavecast::{
-    film::{self, Exposure, Format},
+    film::{self, Exposure, Format, PathLayer, Split},
     flat::CameraView,
-    render::{Integrator, RenderSettings, Sharing, name_lights},
+    render::{Integrator, LayerKind, RenderSettings, Sharing, find_lights, name_lights},
 };
 
 use super::{
@@ -19,7 +19,7 @@ use super::{
     error::CliError,
     interrupt, memory,
     progress::Watcher,
-    scene::{Opened, SceneArgs, default_size},
+    scene::{Opened, SceneArgs, default_size, light_names},
     stats::{self, Report, Seconds},
 };
 
@@ -87,6 +87,11 @@ pub struct Args {
     /// Further layers of the EXR, such as albedo,error
     #[arg(long, value_name = "LAYER,…", value_enum, value_delimiter = ',')]
     layers: Vec<LayerArg>,
+    /// A layer of the light whose paths from the camera are as an expression says, with its standard error: D, G, S scattered
+    /// diffusely, by rough facets, by a mirror or clear glass, R and T reflected and transmitted, L or B the light;
+    /// may be given several times
+    #[arg(long, value_name = "NAME=EXPR", value_parser = args::path_layer)]
+    lpe: Vec<PathLayer>,
     /// Write times, counts and errors as JSON
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -111,7 +116,12 @@ pub fn run(args: Args, common: &Common, console: &mut Console) -> Result<Outcome
     (seconds.load, seconds.sync) = (load_time.as_secs_f64(), sync_time.as_secs_f64());
     let accel = args.scene.accel.report(renderer.scene(), build_time);
 
-    let settings = settings(&args, common, &renderer.scene().camera)?;
+    let mut settings = settings(&args, common, &renderer.scene().camera)?;
+    find_lights(&mut settings, &scene).map_err(|name| CliError::NoNamedLight {
+        scene: args.scene.file.clone(),
+        wanted: name,
+        available: light_names(&scene, renderer.scene()),
+    })?;
     memory::check_parts(&renderer, &settings)?;
     interrupt::keep_from_now_on();
     let watcher = Watcher::new(console.is_quiet());
@@ -164,8 +174,9 @@ fn check_outputs(args: &Args, console: &mut Console) -> Result<(), CliError> {
         film::check_writable(path)?;
     }
     let has = |format| formats.contains(&format);
-    if !args.layers.is_empty() && !has(Format::Exr) {
-        console.warn("--layers has no effect: only EXR files hold layers");
+    let asks_for_layers = !args.layers.is_empty() || !args.lpe.is_empty();
+    if asks_for_layers && !has(Format::Exr) {
+        console.warn("--layers and --lpe have no effect: only EXR files hold layers");
     }
     if args.display.is_given() && !has(Format::Png) {
         console.warn("--exposure, --ev100 and --tonemap have no effect: only PNG files are exposed");
@@ -202,6 +213,22 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
             layers.push(layer);
         }
     }
+    if !args.lpe.is_empty() {
+        layers.push(LayerKind::Light(Split::Paths));
+    }
+    if matches!(args.integrator, IntegratorArg::Whitted | IntegratorArg::Ao)
+        && layers.iter().any(|layer| layer.split().is_some_and(Split::by_path))
+    {
+        return Err(CliError::Usage(format!(
+            "--integrator {} does not tell what happened to paths; leave out --lpe and lobes among the --layers",
+            args::value_name(args.integrator)
+        )));
+    }
+    for (row, path) in args.lpe.iter().enumerate() {
+        if args.lpe[..row].iter().any(|other| other.name == path.name) {
+            return Err(CliError::Usage(format!("--lpe: there are two layers {}", path.name)));
+        }
+    }
     let says_when = args.time.is_some() || args.error.is_some() || args.samples.is_some();
     Ok(RenderSettings {
         width,
@@ -226,6 +253,7 @@ fn settings(args: &Args, common: &Common, camera: &CameraView) -> Result<RenderS
         sharing: if args.no_reuse { Sharing::Off } else { Sharing::WherePays },
         transparent: args.transparent,
         layers,
+        paths: args.lpe.clone(),
         wave_size: args.wave_size,
         sort: true,
         tile_size: args.tile_size,
@@ -252,6 +280,9 @@ fn metadata(args: &Args, settings: &RenderSettings, spp: f64) -> Vec<(String, St
     add("ao-distance", args.ao_distance.map(|distance| distance.to_string()));
     add("crop", settings.crop.map(|[x, y, w, h]| format!("{x},{y},{w},{h}")));
     add("error", settings.error.map(|error| error.to_string()));
+    for path in &settings.paths {
+        add(&format!("lpe.{}", path.name), Some(path.expression.to_string()));
+    }
     add("samples", settings.samples.as_ref().map(|range| format!("{}..{}", range.start, range.end)));
     pairs
 }

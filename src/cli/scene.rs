@@ -7,7 +7,7 @@ use std::{
 };
 
 use wavecast::{
-    flat::CameraView,
+    flat::{CameraView, FlatScene},
     load::{self, CameraInfo, LoadOptions},
     render::Renderer,
     world::{Camera, Environment, Name, Scene, SceneKey, Sky},
@@ -173,6 +173,15 @@ pub fn default_size(camera: &CameraView) -> [u32; 2] {
     let aspect = camera.aspect.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
     let height = (DEFAULT_WIDTH as f32 / aspect).round().clamp(1.0, 65_536.0);
     [DEFAULT_WIDTH, height as u32]
+}
+
+/// The lights of a scene, for messages.
+pub fn light_names(scene: &Scene, flat: &FlatScene) -> String {
+    let groups = wavecast::flat::LightGroups::new(flat);
+    let name =
+        |&key: &u64| scene.get::<Name>(SceneKey(key)).map_or_else(|| key.to_string(), |name| format!("{:?}", name.0));
+    let names: Vec<String> = groups.keys.iter().filter(|&&key| key != u64::MAX).map(name).take(20).collect();
+    if names.is_empty() { "none with a flux".into() } else { names.join(", ") }
 }
 
 #[cfg(test)]

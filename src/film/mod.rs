@@ -7,6 +7,7 @@
 mod allocate;
 mod error;
 mod estimate;
+mod expression;
 mod exr;
 mod hdr;
 mod metadata;
@@ -24,10 +25,11 @@ pub use self::{
     allocate::Growth,
     error::FilmError,
     estimate::PictureError,
+    expression::{Automaton, Event, Expression, ExpressionError},
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
-    splats::{Splat, Splats},
-    splits::{Label, Split, Splits},
+    splats::{Splat, Splats, of_channels},
+    splits::{Label, PathLayer, Split, Splits},
     sums::{Sums, Unit},
     tiles::{BLOCK, Film, Tile},
     tonemap::{Exposure, ToneMap, luminance, srgb_decode, srgb_encode},

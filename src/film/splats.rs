@@ -21,6 +21,12 @@ pub struct Splat {
     pub label: Label,
 }
 
+/// Light of those channels whose bits are set.
+#[inline]
+pub fn of_channels(light: [f32; 3], channels: u32) -> [f32; 3] {
+    std::array::from_fn(|c| if channels >> c & 1 == 1 { light[c] } else { 0.0 })
+}
+
 /// Sums by the sample's replica.
 #[derive(Debug)]
 struct OfTile {
@@ -94,8 +100,8 @@ impl Splats {
                 let added = sums.all[replica].add(self.unit, pixel, splat.light);
                 discarded += u64::from(!added);
                 if added {
-                    self.splits.of(splat.label).for_each(|part| {
-                        sums.parts[part][replica].add(self.unit, pixel, splat.light);
+                    self.splits.each(splat.label, |part, channels| {
+                        sums.parts[part][replica].add(self.unit, pixel, of_channels(splat.light, channels));
                     });
                 }
             }

@@ -2,7 +2,12 @@
 //!
 //! The rendering equation's solution is the series L = E + KE + K²E + … (Kajiya 1986, "The Rendering Equation", section 3): the light
 //! with n scatterings behind it is Kⁿ E. Each contribution to a picture is one of these terms, of one light; so each split
-//! is a partition of the picture's light, and its layers add up to the picture.
+//! is a partition of the picture's light, and its layers add up to the picture. What happened to it on its way is a word of a
+//! regular language, see [`Expression`]: by the first scattering these are a partition too.
+
+use std::sync::Arc;
+
+use super::expression::{Automaton, Expression, ExpressionError};
 
 /// Scatterings of the last layer of its own, where nothing bounds them: E to K¹⁷E, which is sixteen bounces of indirect light.
 const OWN_LAYERS: u32 = 17;
@@ -14,6 +19,17 @@ pub struct Label {
     pub scatterings: u32,
     /// Which of the scene's lights it came from, as [`LightGroups`](crate::flat::LightGroups) counts them.
     pub light: u32,
+    /// By channel, the state of the [`Automaton`] after what happened to it on the way from the camera.
+    pub way: [u16; 3],
+}
+
+/// A layer of the light that came on certain paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PathLayer {
+    /// Of the layer.
+    pub name: String,
+    /// Which paths.
+    pub expression: Expression,
 }
 
 /// A way of splitting light.
@@ -30,7 +46,19 @@ pub enum Split {
     LightsByBounces,
     /// By both: `light.<name>.direct` and `light.<name>.indirect`.
     LightsByDirect,
+    /// By what the first surface does to it: `emission` is what the camera sees of lights, `diffuse.direct` and
+    /// `diffuse.indirect` what matt parts reflect, `specular.…` what coats, metals and mirrors do, `transmission.…` what comes
+    /// through.
+    Lobes,
+    /// By both: `diffuse.bounce01` and so on; what the camera sees of lights is `emission.bounce00`.
+    LobesByBounces,
+    /// By expressions of [`RenderSettings::paths`](crate::render::RenderSettings::paths): light may be in several of these layers,
+    /// or in none.
+    Paths,
 }
+
+/// What lobes are called, and which scatterings they are.
+const LOBES: [(&str, &str); 3] = [("diffuse", "<RD>"), ("specular", "<R[GS]>"), ("transmission", "<T.>")];
 
 /// All the layers of light of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -42,6 +70,12 @@ pub struct Splits {
     open: bool,
     /// Lights in the scene.
     lights: u32,
+    /// Of the expressions.
+    path_names: Vec<String>,
+    /// Reads paths, where that is asked for.
+    pub automaton: Option<Arc<Automaton>>,
+    /// Layer of each expression that it knows.
+    of_expression: Vec<u32>,
 }
 
 impl Splits {
@@ -54,7 +88,61 @@ impl Splits {
                 all.push(kind);
             }
         }
-        Self { kinds: all, deepest, open: max_depth.is_none_or(|most| most > deepest), lights }
+        let open = max_depth.is_none_or(|most| most > deepest);
+        Self { kinds: all, deepest, open, lights, ..Self::default() }
+    }
+
+    /// For a scene with so many lights.
+    pub fn of_lights(self, lights: u32) -> Self {
+        Self { lights, ..self }
+    }
+
+    /// With layers for paths, of lights with such keys.
+    ///
+    /// # Errors
+    ///
+    /// Expressions whose automaton is too large.
+    pub fn with_paths(mut self, paths: &[PathLayer], keys: &[u64]) -> Result<Self, ExpressionError> {
+        self.path_names = paths.iter().map(|path| path.name.clone()).collect();
+        let mut expressions = Vec::new();
+        for kind in self.kinds.clone() {
+            let texts: Vec<String> = match kind {
+                Split::Paths => {
+                    expressions.extend(paths.iter().map(|path| path.expression.clone()));
+                    Vec::new()
+                }
+                Split::Lobes => {
+                    let of_lobe = |(_, lobe): (_, &str)| [format!("C{lobe}[LB]"), format!("C{lobe}.+[LB]")];
+                    std::iter::once("C[LB]".to_owned()).chain(LOBES.into_iter().flat_map(of_lobe)).collect()
+                }
+                Split::LobesByBounces => {
+                    let of_lobe = |(_, lobe): (_, &str)| {
+                        let last = self.depths() - 1;
+                        let more = if self.open { "," } else { "" };
+                        let more = move |depth: u32| if depth == last { more } else { "" };
+                        (1..=last).map(|n| format!("C{lobe}.{{{}{}}}[LB]", n - 1, more(n))).collect::<Vec<_>>()
+                    };
+                    std::iter::once("C[LB]".to_owned()).chain(LOBES.into_iter().flat_map(of_lobe)).collect()
+                }
+                _ => continue,
+            };
+            let first = self.first_of(kind) as u32;
+            self.of_expression.extend((first..).take(self.layers_of(kind)));
+            for text in texts {
+                expressions.push(text.parse()?);
+            }
+        }
+        if !expressions.is_empty() {
+            let all: Vec<&Expression> = expressions.iter().collect();
+            self.automaton = Some(Arc::new(Automaton::new(&all, keys)?));
+        }
+        Ok(self)
+    }
+
+    /// Without the layers for paths.
+    pub fn without_paths(mut self) -> Self {
+        self.kinds.retain(|kind| !kind.by_path());
+        self
     }
 
     /// True if light is not split.
@@ -62,9 +150,9 @@ impl Splits {
         self.kinds.is_empty()
     }
 
-    /// True if some layer says which light it came from.
+    /// True if some layer depends on which light it came from.
     pub fn by_light(&self) -> bool {
-        self.kinds.iter().any(|kind| kind.by_light())
+        self.kinds.iter().any(|kind| kind.by_light() || kind.by_path())
     }
 
     /// Layers by the number of scatterings.
@@ -78,6 +166,9 @@ impl Splits {
             Split::Bounces | Split::LightsByBounces => self.depths(),
             Split::Direct | Split::LightsByDirect => 2,
             Split::Lights => 1,
+            Split::Lobes => 1 + 2 * LOBES.len() as u32,
+            Split::LobesByBounces => 1 + LOBES.len() as u32 * (self.depths() - 1),
+            Split::Paths => self.path_names.len() as u32,
         };
         parts as usize * if kind.by_light() { self.lights as usize } else { 1 }
     }
@@ -92,23 +183,48 @@ impl Splits {
         self.kinds.iter().take_while(|&&other| other != kind).map(|&other| self.layers_of(other)).sum()
     }
 
-    /// The layers that light belongs to: one of each split.
+    /// Calls `add` for each layer that light belongs to, with the channels of it that do, as bits.
     #[inline]
-    pub fn of(&self, label: Label) -> impl Iterator<Item = usize> + '_ {
+    pub fn each(&self, label: Label, mut add: impl FnMut(usize, u32)) {
+        self.of(label).for_each(|layer| add(layer, 0b111));
+        let Some(automaton) = &self.automaton else { return };
+        let [r, g, b] = label.way;
+        let mut met = |way: u16, channels: u32| {
+            automaton
+                .met(way, label.light)
+                .iter()
+                .for_each(|&expression| add(self.of_expression[usize::from(expression)] as usize, channels));
+        };
+        if r == g && g == b {
+            met(r, 0b111);
+        } else {
+            met(r, 0b001);
+            met(g, 0b010);
+            met(b, 0b100);
+        }
+    }
+
+    /// The layers that all channels belong to: one of each split, but for those by paths.
+    #[inline]
+    fn of(&self, label: Label) -> impl Iterator<Item = usize> + '_ {
         let mut first = 0;
-        self.kinds.iter().map(move |&kind| {
+        self.kinds.iter().filter_map(move |&kind| {
             let depth = label.scatterings.min(self.depths() - 1);
             let late = u32::from(label.scatterings > 1);
             let layer = match kind {
                 Split::Bounces => depth,
                 Split::Direct => late,
                 Split::Lights => label.light,
+                Split::Lobes | Split::LobesByBounces | Split::Paths => {
+                    first += self.layers_of(kind);
+                    return None;
+                }
                 Split::LightsByBounces => label.light * self.depths() + depth,
                 Split::LightsByDirect => label.light * 2 + late,
             };
             let before = first;
             first += self.layers_of(kind);
-            before + layer as usize
+            Some(before + layer as usize)
         })
     }
 
@@ -137,6 +253,16 @@ impl Splits {
             Split::LightsByDirect => {
                 rows.flat_map(|row| direct().map(move |part| format!("{}.{part}", light(row)))).collect()
             }
+            Split::Lobes => {
+                let of_lobe = |(lobe, _): (&str, _)| ["direct", "indirect"].map(|part| format!("{lobe}.{part}"));
+                std::iter::once("emission".to_owned()).chain(LOBES.into_iter().flat_map(of_lobe)).collect()
+            }
+            Split::LobesByBounces => {
+                let of_lobe =
+                    |(lobe, _): (&'static str, _)| bounces().skip(1).map(move |part| format!("{lobe}.{part}"));
+                std::iter::once("emission.bounce00".to_owned()).chain(LOBES.into_iter().flat_map(of_lobe)).collect()
+            }
+            Split::Paths => self.path_names.clone(),
         }
     }
 }
@@ -145,6 +271,11 @@ impl Split {
     /// True if its layers say which light they came from.
     pub fn by_light(self) -> bool {
         matches!(self, Self::Lights | Self::LightsByBounces | Self::LightsByDirect)
+    }
+
+    /// True if its layers depend on what happened to light on its way.
+    pub fn by_path(self) -> bool {
+        matches!(self, Self::Lobes | Self::LobesByBounces | Self::Paths)
     }
 }
 
@@ -166,7 +297,7 @@ mod tests {
             let mut met = vec![false; names.len()];
             for scatterings in 0..=max_depth.unwrap_or(40) {
                 for light in 0..3 {
-                    let layers: Vec<usize> = splits.of(Label { scatterings, light }).collect();
+                    let layers: Vec<usize> = splits.of(Label { scatterings, light, ..Label::default() }).collect();
                     let name = &lights[light as usize];
                     let depth = format!("bounce{scatterings:02}");
                     let depth = if max_depth.is_none() && scatterings > 17 { last } else { &depth };

@@ -305,6 +305,9 @@ impl LayerKind {
             Self::Light(Split::Direct) => "direct",
             Self::Light(Split::LightsByBounces) => "lights.bounces",
             Self::Light(Split::LightsByDirect) => "lights.direct",
+            Self::Light(Split::Lobes) => "lobes",
+            Self::Light(Split::LobesByBounces) => "lobes.bounces",
+            Self::Light(Split::Paths) => "paths",
         }
     }
 

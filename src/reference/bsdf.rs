@@ -233,6 +233,30 @@ pub fn eval(s: &Surface, wo: DVec3, wi: DVec3) -> DVec3 {
     }
 }
 
+/// A way in which a surface scatters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// The Lambertian part.
+    Diffuse,
+    /// Facets that are no mirror, reflecting or transmitting.
+    Rough,
+    /// What has no width.
+    Singular,
+}
+
+/// Of [`eval`], what one lobe does.
+pub fn eval_lobe(s: &Surface, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
+    let diffuse = match half_vector(s, wo, wi) {
+        Some(h) if wo.z > 0.0 && wi.z > 0.0 => s.facet(wo.dot(h)).diffuse * FRAC_1_PI,
+        _ => DVec3::ZERO,
+    };
+    match lobe {
+        Lobe::Diffuse => diffuse,
+        Lobe::Rough => eval(s, wo, wi) - diffuse,
+        Lobe::Singular => DVec3::ZERO,
+    }
+}
+
 /// The lobes without width.
 pub fn deltas(s: &Surface, wo: DVec3) -> Vec<Delta> {
     let mut deltas = Vec::new();

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{rng::Rng, trace::Tracer};
+use super::{bsdf::Lobe, rng::Rng, trace::Tracer};
 use crate::{
     flat::{CameraView, FlatScene, ViewProjection},
     render::PixelFilter,
@@ -30,6 +30,8 @@ pub struct ReferenceSettings {
     pub terminator_fix: bool,
     /// No sky for camera rays.
     pub transparent: bool,
+    /// The only lobe that scatters at the first surface, at the second and so on; behind these all do.
+    pub lobes: Vec<Lobe>,
 }
 
 impl Default for ReferenceSettings {
@@ -43,6 +45,7 @@ impl Default for ReferenceSettings {
             filter: PixelFilter::default(),
             terminator_fix: true,
             transparent: false,
+            lobes: Vec::new(),
         }
     }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{
     ReferenceSettings,
-    bsdf::{self, BsdfSample},
+    bsdf::{self, BsdfSample, Lobe},
     geometry::{Bvh, Hit, Ray, world_triangles},
     lights::{Light, LightTable},
     rng::Rng,
@@ -25,6 +25,7 @@ pub struct Tracer<'a> {
     max_depth: u32,
     least_lift: f64,
     transparent: bool,
+    lobes: Vec<Lobe>,
     /// Rays leave a surface this far from it, m: above the rounding of f64, below any detail.
     offset: f64,
 }
@@ -99,6 +100,7 @@ impl<'a> Tracer<'a> {
             // Lower ones could not be told from none: a ray would start past the facet it was lifted from.
             least_lift: if settings.terminator_fix { 1e-8 * scale } else { f64::INFINITY },
             transparent: settings.transparent,
+            lobes: settings.lobes.clone(),
             offset: 1e-9 * scale,
             bvh,
             shapes,
@@ -150,7 +152,7 @@ impl<'a> Tracer<'a> {
             Light::Map => Target::Towards(self.lights.sample_sky(rng)),
         };
         let Some((origin, wi, distance)) = point.leave_for(target) else { return DVec3::ZERO };
-        let f = point.eval(wo, wi);
+        let f = point.eval(wo, wi, self.lobe(path));
         if f == DVec3::ZERO {
             return DVec3::ZERO;
         }
@@ -185,9 +187,15 @@ impl<'a> Tracer<'a> {
     /// The scattered light, but for what [`Self::direct`] has found, by looking where the surface scatters to.
     fn indirect(&self, path: &Path, place: &Place, point: &ShadingPoint, rng: &mut Rng) -> DVec3 {
         let u = std::array::from_fn(|_| rng.uniform());
-        let Some((BsdfSample { wi, weight, pdf }, origin)) = point.sample(-path.ray.direction, u) else {
+        let Some((BsdfSample { wi, mut weight, pdf }, origin)) = point.sample(-path.ray.direction, u) else {
             return DVec3::ZERO;
         };
+        if let Some(lobe) = self.lobe(path) {
+            weight *= point.share(-path.ray.direction, wi, pdf.is_none(), lobe);
+            if weight == DVec3::ZERO {
+                return weight;
+            }
+        }
         // Russian roulette: dim paths end early, and all of them in time.
         let throughput = path.throughput * weight;
         let survival = match path.depth {
@@ -206,6 +214,11 @@ impl<'a> Tracer<'a> {
             throughput: throughput / survival,
         };
         weight / survival * self.incident(next, rng)
+    }
+
+    /// The only lobe that scatters a path, if it is but one.
+    fn lobe(&self, path: &Path) -> Option<Lobe> {
+        self.lobes.get(path.depth as usize).copied()
     }
 
     /// The nearest surface that is there for this ray: covered, and not a back that is culled.
@@ -303,13 +316,24 @@ impl ShadingPoint {
         z * self.ng.dot(wi) > 0.0 || (z > 0.0 && lifted)
     }
 
-    /// BSDF times cosine.
-    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+    /// BSDF, or one lobe of it, times cosine.
+    fn eval(&self, wo: DVec3, wi: DVec3, lobe: Option<Lobe>) -> DVec3 {
         if !self.sides_agree(wi) {
             return DVec3::ZERO;
         }
         let wi = self.local(wi);
-        bsdf::eval(&self.surface, self.local(wo), wi) * wi.z.abs()
+        let (surface, wo) = (&self.surface, self.local(wo));
+        lobe.map_or_else(|| bsdf::eval(surface, wo, wi), |lobe| bsdf::eval_lobe(surface, wo, wi, lobe)) * wi.z.abs()
+    }
+
+    /// Of what is scattered along a sampled direction, the share of one lobe.
+    fn share(&self, wo: DVec3, wi: DVec3, is_delta: bool, lobe: Lobe) -> DVec3 {
+        if is_delta || lobe == Lobe::Singular {
+            return if is_delta && lobe == Lobe::Singular { DVec3::ONE } else { DVec3::ZERO };
+        }
+        let (wo, wi) = (self.local(wo), self.local(wi));
+        let all = bsdf::eval(&self.surface, wo, wi);
+        bsdf::eval_lobe(&self.surface, wo, wi, lobe) / DVec3::select(all.cmpgt(DVec3::ZERO), all, DVec3::ONE)
     }
 
     fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {

@@ -22,7 +22,7 @@ use wide::f32x8;
 use super::{
     Job, caustic,
     groups::{MOST, SQUARE, pixel_of},
-    ledger::Found,
+    ledger::{Found, JOINTS, of_lobe},
     queues::{LinkBlock, LinkQueue},
     reuse::{Far, Glimpse, KINDS, Near, Reuse, Vertex, stage},
     shade::BEFORE_LIGHT,
@@ -33,7 +33,7 @@ use super::{
 use crate::{
     accel::{Coverage, Rays},
     bsdf::{Bsdf, Opaque, Params},
-    film::Label,
+    film::{Event, Label},
     flat::{FlatScene, Source},
     sampling::mis,
     simd::{Frame, LANES, Mask, Real, Rgb, V3},
@@ -58,6 +58,24 @@ struct Pairs {
 const NO_PAIRS: Pairs =
     Pairs { light: V3 { x: f32x8::ZERO, y: f32x8::ZERO, z: f32x8::ZERO }, density: f32x8::ZERO, lanes: 0 };
 
+/// What of a find is worth how much, pair by pair, where its light is kept in parts.
+#[derive(Clone, Copy, Debug)]
+struct Apart {
+    /// What far vertices' own light samples and what is behind them bring, 1/m².
+    gains: [Rgb<f32x8>; 2],
+    /// Of that, the share of the far vertex's diffuse lobe.
+    far: [Rgb<f32x8>; 2],
+    /// And of the near one's.
+    near: Rgb<f32x8>,
+}
+
+impl Apart {
+    const ALL: Self = {
+        let one = V3 { x: f32x8::ONE, y: f32x8::ONE, z: f32x8::ONE };
+        Self { gains: [one; 2], far: [one; 2], near: one }
+    };
+}
+
 /// Paths of one sample in pixels near one another.
 #[derive(Clone, Copy, Debug)]
 struct Group {
@@ -80,8 +98,8 @@ pub struct Joiner {
     blocks: usize,
     /// By group, find and block.
     pairs: Vec<Pairs>,
-    /// What far vertices' own light samples and what is behind them bring, pair by pair; where their light is kept in parts.
-    gains: Vec<[Rgb<f32x8>; 2]>,
+    /// As `pairs`, where light is kept in parts.
+    apart: Vec<Apart>,
     /// Parts of what a group's pixels get.
     parts: Vec<(Label, [Rgb<f32x8>; MOST_BLOCKS])>,
     /// Lanes of the pairs that see each other.
@@ -116,7 +134,7 @@ impl Joiner {
         self.pairs.resize(batch * finds * self.blocks, NO_PAIRS);
         self.seen.resize(batch * finds * self.blocks, 0);
         let apart = if tally.ledger.is_some() { self.pairs.len() } else { 0 };
-        self.gains.resize(apart, [V3::<f32x8>::splat(0.0); 2]);
+        self.apart.resize(apart, Apart::ALL);
         self.groups.clear();
         self.caustics = job.settings.caustics;
         let first = |at: u32| at / SQUARE * SQUARE;
@@ -178,17 +196,24 @@ impl Joiner {
                     *pairs = near.as_ref().map_or(NO_PAIRS, |near| match find {
                         Find::Surface => {
                             let (far, light) = (&reuse.far[row], &reuse.light[row]);
-                            if self.gains.is_empty() {
+                            if self.apart.is_empty() {
                                 near.pairs::<false>(far, light, self.caustics).0
                             } else {
-                                let (pairs, gains) = near.pairs::<true>(far, light, self.caustics);
-                                self.gains[first + block] = gains;
+                                let (pairs, apart) = near.pairs::<true>(far, light, self.caustics);
+                                self.apart[first + block] = apart;
                                 pairs
                             }
                         }
                         Find::Sky => near.glimpses::<false>(&reuse.glimpses[0][row]),
                         Find::Lit => near.glimpses::<true>(&reuse.glimpses[1][row]),
                     });
+                    if let (Some(apart), Some(near)) = (self.apart.get_mut(first + block), near) {
+                        match find {
+                            Find::Surface => {}
+                            Find::Sky => apart.near = near.share_of(V3::from_array(reuse.glimpses[0][row].direction)),
+                            Find::Lit => apart.near = near.share_of(V3::from_array(reuse.glimpses[1][row].direction)),
+                        }
+                    }
                 }
                 // A pair that does not stand for the path's own near vertex leaves nothing to the others.
                 if pairs[j / LANES].lanes >> (j % LANES) & 1 == 1 {
@@ -210,7 +235,7 @@ impl Joiner {
 
     /// Traces the shadow rays of the groups at hand and adds what arrives.
     fn flush<C: Coverage>(&mut self, job: &Job, coverage: &C, tally: &mut Tally, counters: &mut Counters) {
-        let Self { links, groups, fars, size, blocks, pairs, gains, parts, seen, measured, .. } = self;
+        let Self { links, groups, fars, size, blocks, pairs, apart, parts, seen, measured, .. } = self;
         let (size, blocks) = (*size, *blocks);
         counters.rays.shadow += links.len() as u64;
         seen.iter_mut().zip(&*pairs).for_each(|(seen, pairs)| *seen = pairs.lanes);
@@ -262,13 +287,35 @@ impl Joiner {
                                 *sum = *sum + (light(block) * scale).masked(Mask::from_bits(*lanes));
                             }
                         };
+                        let one = V3::<f32x8>::splat(1.0);
+                        let lobe = |share: Rgb<f32x8>, lobe: Event| {
+                            if lobe == Event::DiffuseReflection { share } else { one - share }
+                        };
+                        let apart = &apart[of_find.clone()];
                         if find == Find::Surface {
                             for found in ledger.found(slot, group.sample) {
                                 let light = V3::<f32x8>::from_array(found.light);
-                                add(found.label, &|block| gains[first + block][usize::from(!found.first)] * light);
+                                let row = usize::from(!found.first);
+                                if !ledger.follows_paths() {
+                                    add(found.label, &|block| apart[block].gains[row] * light);
+                                    continue;
+                                }
+                                for ([near, far], way) in JOINTS.into_iter().zip(found.ways) {
+                                    add(Label { way, ..found.label }, &|block| {
+                                        let of = &apart[block];
+                                        of.gains[row] * light * lobe(of.near, near) * lobe(of.far[row], far)
+                                    });
+                                }
                             }
                         } else {
-                            add(ledger.label(job.scene, 1, Source::Sky), &|block| pairs[block].light);
+                            let label = ledger.label(job.scene, 1, Source::Sky);
+                            if ledger.follows_paths() {
+                                for (event, label, _) in ledger.near(slot, group.sample, find == Find::Lit, label) {
+                                    add(label, &|block| pairs[block].light * lobe(apart[block].near, event));
+                                }
+                            } else {
+                                add(label, &|block| pairs[block].light);
+                            }
                         }
                     }
                     if let Some(measured) = measured
@@ -351,12 +398,29 @@ impl Find {
         alone: [f32; 3],
     ) -> Vec<(Label, [f32; 3])> {
         let Some(ledger) = &tally.ledger else { return Vec::new() };
+        let times = |a: [f32; 3], b: [f32; 3]| -> [f32; 3] { array::from_fn(|c| a[c] * b[c]) };
         if self != Self::Surface {
-            return vec![(ledger.label(scene, 1, Source::Sky), alone)];
+            let label = ledger.label(scene, 1, Source::Sky);
+            if !ledger.follows_paths() {
+                return vec![(label, alone)];
+            }
+            let lobes = ledger.near(slot, sample, self == Self::Lit, label);
+            return lobes.map(|(_, label, share)| (label, times(alone, share))).to_vec();
         }
         let weight = tally.reuse.far[tally.reuse.row(slot, sample)].weight;
-        let part = |found: &Found| (found.label, array::from_fn(|c| weight[c] * found.light[c]));
-        ledger.found(slot, sample).map(part).collect()
+        let part = |found: &Found| (found.label, times(weight, found.light));
+        if !ledger.follows_paths() {
+            return ledger.found(slot, sample).map(part).collect();
+        }
+        let own = ledger.near_share(slot, sample);
+        let lobes = |found: &Found| {
+            let (label, light) = part(found);
+            let Found { ways, far: of_far, .. } = *found;
+            JOINTS.into_iter().zip(ways).map(move |([near, far], way)| {
+                (Label { way, ..label }, times(light, times(of_lobe(own, near), of_lobe(of_far, far))))
+            })
+        };
+        ledger.found(slot, sample).flat_map(lobes).collect()
     }
 }
 
@@ -392,9 +456,9 @@ impl NearBlock {
 
     /// What the eight pixels get from a far vertex that reflects `light`.
     ///
-    /// Also what of each of the two lights gets there, if `APART` is asked for: that is 1/m².
+    /// Also what of each of the two lights gets there, if `APART` is asked for.
     #[inline(always)]
-    fn pairs<const APART: bool>(&self, far: &Far, light: &[[f32; 3]; 2], caustics: bool) -> (Pairs, [Rgb<f32x8>; 2]) {
+    fn pairs<const APART: bool>(&self, far: &Far, light: &[[f32; 3]; 2], caustics: bool) -> (Pairs, Apart) {
         let y = &far.at;
         let (ng, ns) = (V3::from_array(y.ng), V3::from_array(y.ns));
         let way = V3::from_array(y.p) - self.p;
@@ -421,7 +485,7 @@ impl NearBlock {
         }
         let [first, later] = light.map(V3::<f32x8>::from_array);
         let one = V3::<f32x8>::splat(1.0);
-        let mut gains = [one; 2];
+        let mut apart = Apart::ALL;
         let light = if y.is_lambert() {
             first + later
         } else {
@@ -433,15 +497,23 @@ impl NearBlock {
                 light * f * inverse
             };
             if APART {
-                gains = [scaled(one, far.to_light, far.f_light), scaled(one, far.to_next, far.f_next)];
+                apart.gains = [scaled(one, far.to_light, far.f_light), scaled(one, far.to_next, far.f_next)];
+                let share = |towards: [f32; 3]| Opaque::diffuse_share(&bsdf, frame.to_local(V3::from_array(towards)));
+                apart.far = [share(far.to_light), share(far.to_next)];
             }
             scaled(first, far.to_light, far.f_light) + scaled(later, far.to_next, far.f_next)
         };
         if APART {
-            gains = gains.map(|gain| self.throughput * f * gain * geometry);
+            apart.gains = apart.gains.map(|gain| self.throughput * f * gain * geometry);
+            apart.near = Opaque::diffuse_share(&self.bsdf, local);
         }
         let light = self.throughput * f * light * geometry;
-        (Pairs { light, density, lanes: self.lanes & stands.bits() }, gains)
+        (Pairs { light, density, lanes: self.lanes & stands.bits() }, apart)
+    }
+
+    /// Of light from a direction, the share of the diffuse lobe.
+    fn share_of(&self, direction: V3<f32x8>) -> Rgb<f32x8> {
+        Opaque::diffuse_share(&self.bsdf, self.frame.to_local(direction))
     }
 
     /// What the eight pixels get from a direction in which one of them saw the sky, or with `SAMPLED` looked for it. The densities

@@ -49,6 +49,7 @@ mod fetch;
 mod groups;
 mod ledger;
 mod light_paths;
+mod lobes;
 mod one_path;
 mod pilot;
 mod queues;
@@ -88,9 +89,9 @@ use self::{
 use crate::{
     accel::{Coverage, Solid},
     bsdf::{Lambert, Opaque, Transmissive},
-    film::{Splits, Tile, Unit},
+    film::{ExpressionError, Splits, Tile, Unit},
     flat::{FlatScene, LightGroups, NONE, SceneNeeds, ShadingClass},
-    render::{LayerKind, RenderSettings, SamplerKind, Sharing},
+    render::{Integrator, LayerKind, RenderSettings, SamplerKind, Sharing},
     sampling::{FilterTable, REPLICAS, Sampler, replica},
     simd::LANES,
 };
@@ -194,7 +195,7 @@ impl<'a> Job<'a> {
             sampler: if settings.is_adaptive() { sampler.in_replicas() } else { sampler },
             unit,
             light_paths,
-            accounts: Arc::new(accounts(scene, settings)),
+            accounts: Arc::new(accounts_or_less(scene, settings)),
             aim: Arc::default(),
             film_width: settings.width,
         }
@@ -214,20 +215,32 @@ impl Job<'_> {
 }
 
 /// Bytes that a film takes for light in parts.
-pub fn bytes_of_parts(scene: &FlatScene, settings: &RenderSettings) -> u64 {
-    let layers = accounts(scene, settings).splits.layers() as u64;
+pub fn bytes_of_parts(scene: &FlatScene, settings: &RenderSettings) -> Result<u64, ExpressionError> {
+    let layers = accounts(scene, settings)?.splits.layers() as u64;
     // Sums, and the picture's own numbers; light that falls anywhere is kept apart.
     let kinds = 1 + u64::from(LightPaths::new(scene, settings).is_some());
     let sums = kinds * (REPLICAS * size_of::<[i128; 3]>()) as u64 + 2 * size_of::<[f32; 3]>() as u64;
-    layers * sums * u64::from(settings.width) * u64::from(settings.height)
+    Ok(layers * sums * u64::from(settings.width) * u64::from(settings.height))
 }
 
 /// Of the light that the settings want to have in parts.
-fn accounts(scene: &FlatScene, settings: &RenderSettings) -> Accounts {
-    let kinds: Vec<_> = settings.layers.iter().filter_map(|kind| kind.split()).collect();
-    let by_light = kinds.iter().any(|kind| kind.by_light());
-    let groups = if by_light { LightGroups::new(scene) } else { LightGroups::default() };
-    Accounts { splits: Splits::new(kinds, settings.max_depth, groups.keys.len() as u32), groups }
+fn accounts(scene: &FlatScene, settings: &RenderSettings) -> Result<Accounts, ExpressionError> {
+    let kinds = settings.layers.iter().filter_map(|kind| kind.split());
+    let mut splits = Splits::new(kinds, settings.max_depth, 0);
+    if !matches!(settings.integrator, Integrator::Path | Integrator::Direct) {
+        splits = splits.without_paths();
+    }
+    let groups = if splits.by_light() { LightGroups::new(scene) } else { LightGroups::default() };
+    let splits = splits.of_lights(groups.keys.len() as u32).with_paths(&settings.paths, &groups.keys)?;
+    Ok(Accounts { splits, groups })
+}
+
+/// What can be kept of them.
+fn accounts_or_less(scene: &FlatScene, settings: &RenderSettings) -> Accounts {
+    accounts(scene, settings).unwrap_or_else(|_| {
+        let layers = settings.layers.iter().copied().filter(|kind| !kind.split().is_some_and(|split| split.by_path()));
+        accounts(scene, &RenderSettings { layers: layers.collect(), ..settings.clone() }).unwrap_or_default()
+    })
 }
 
 /// What can be shared in a scene.

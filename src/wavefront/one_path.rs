@@ -8,18 +8,20 @@ use super::{
     caustic,
     coverage::SceneCoverage,
     dimensions::{self, ray_id},
-    emit, parts_of,
-    reuse::Reuse,
+    emit,
+    ledger::Ledger,
+    lobes, parts_of,
+    reuse::{FIRST, SHARED},
     schedule,
     shade::{self, Arrived, Connection, Departure},
     sky,
     stats::Counters,
-    surface::Incoming,
+    surface::{Incoming, Parts},
     tally::Tally,
 };
 use crate::{
     accel::{Coverage, Solid, Stacks},
-    bsdf::{Lambert, Opaque, Transmissive},
+    bsdf::{Bsdf, Lambert, Opaque, Transmissive},
     film::Tile,
     flat::{FlatScene, NONE, ShadingClass, Source, flags},
     light::Receiver,
@@ -154,16 +156,15 @@ fn trace<C: Coverage>(
             depth: [depth; 8],
             medium: [medium; 8],
         };
-        let (connection, departure) =
-            scatter(job, scene.materials.class[material as usize], &at, &mut tally.reuse, counters);
+        let (connection, departure) = scatter(job, scene.materials.class[material as usize], &at, tally, counters);
         if connection.lanes != 0 {
             counters.rays.shadow += 1;
             let (origin, direction) = (connection.origin.lane(0), connection.direction.lane(0));
             let id = name(depth, 1);
             if !scene.accel.occluded(origin, direction, connection.t_max, id, coverage, stacks) {
-                tally.add(connection.slot[0], sample, connection.light.lane(0), |ledger| {
-                    ledger.label(scene, depth + 1, Source::Chosen(connection.row[0]))
-                });
+                let slot = connection.slot[0];
+                let account = |ledger: &Ledger| ledger.expected(slot & !(SHARED | FIRST), sample);
+                tally.add(slot, sample, connection.light.lane(0), account);
             }
         }
         if departure.lanes == 0 {
@@ -191,16 +192,32 @@ fn scatter(
     job: &Job,
     class: u32,
     at: &Arrived<f32>,
-    reuse: &mut Reuse,
+    tally: &mut Tally,
     counters: &mut Counters,
 ) -> (Connection<f32>, Departure<f32>) {
     let class = ShadingClass::SCATTERING.into_iter().find(|&c| c as u32 == class).unwrap_or(ShadingClass::Lambert);
     let run = match class {
-        ShadingClass::Unlit | ShadingClass::Lambert => shade::scatter::<f32, Lambert, false>,
-        ShadingClass::Opaque => shade::scatter::<f32, Opaque, false>,
-        ShadingClass::OpaqueTextured => shade::scatter::<f32, Opaque, true>,
-        ShadingClass::Transmissive => shade::scatter::<f32, Transmissive, false>,
-        ShadingClass::TransmissiveTextured => shade::scatter::<f32, Transmissive, true>,
+        ShadingClass::Unlit | ShadingClass::Lambert => scatter_by::<Lambert, false>,
+        ShadingClass::Opaque => scatter_by::<Opaque, false>,
+        ShadingClass::OpaqueTextured => scatter_by::<Opaque, true>,
+        ShadingClass::Transmissive => scatter_by::<Transmissive, false>,
+        ShadingClass::TransmissiveTextured => scatter_by::<Transmissive, true>,
     };
-    run(job.scene, &job.settings, &job.sampler, at, parts_of(class), reuse, counters)
+    run(job, parts_of(class), at, tally, counters)
+}
+
+fn scatter_by<B: Bsdf, const TEXTURED: bool>(
+    Job { scene, settings, sampler, .. }: &Job,
+    parts: Parts,
+    at: &Arrived<f32>,
+    tally: &mut Tally,
+    counters: &mut Counters,
+) -> (Connection<f32>, Departure<f32>) {
+    let (connection, departure) =
+        shade::scatter::<f32, B, TEXTURED>(scene, settings, sampler, at, parts, &mut tally.reuse, counters);
+    if let Some(ledger) = &mut tally.ledger {
+        let fix = settings.terminator_fix;
+        lobes::note::<f32, B, TEXTURED>(scene, fix, at, parts, &connection, &departure, ledger);
+    }
+    (connection, departure)
 }

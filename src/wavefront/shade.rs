@@ -3,7 +3,7 @@
 use wide::{f32x8, u32x8};
 
 use super::{
-    Settings, ahead, caustic, dimensions, direct,
+    Settings, ahead, caustic, dimensions, direct, lobes,
     queues::{HitQueue, PathBlock, PathQueue, ShadowBlock, ShadowQueue},
     resample::{Candidate, Place},
     reuse::{FIRST, Glimpse, Reuse, SHARED},
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     bsdf::Bsdf,
-    flat::{FlatScene, NONE, SceneNeeds, Source},
+    flat::{FlatScene, NONE, SceneNeeds},
     light::Receiver,
     sampling::Sampler,
     simd::{Bits, LANES, Mask, Real, Rgb, V3},
@@ -449,10 +449,8 @@ pub fn shade<B: Bsdf, const TEXTURED: bool>(
         let (connection, departure) =
             scatter::<f32x8, B, TEXTURED>(scene, settings, sampler, &at, parts, &mut tally.reuse, counters);
         if let Some(ledger) = &mut tally.ledger {
-            for lane in (0..LANES).filter(|lane| connection.lanes >> lane & 1 == 1) {
-                let label = ledger.label(scene, at.depth[lane] + 1, Source::Chosen(connection.row[lane]));
-                ledger.expect(at.slot[lane] & !SHARED, at.sample[lane], label);
-            }
+            let fix = settings.terminator_fix;
+            lobes::note::<f32x8, B, TEXTURED>(scene, fix, &at, parts, &connection, &departure, ledger);
         }
         push_connections(&at, &connection, shadows, settings.blends);
         push_departures(&at, &departure, settings.reach, next);

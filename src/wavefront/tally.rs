@@ -1,7 +1,7 @@
 //! Where contributions go: the sums of the worker's tile.
 
 use super::{
-    ledger::Ledger,
+    ledger::{Account, Ledger},
     reuse::{FIRST, Reuse, SHARED},
 };
 use crate::{
@@ -40,25 +40,31 @@ impl Tally {
         (self.reuse, ledger)
     }
 
-    /// Adds light to a pixel, or to the far vertex that it was found from; `label` says what light it is.
+    /// Adds light to a pixel, or to the far vertex that it was found from; `account` says what light it is.
     #[inline]
-    pub fn add(&mut self, slot: u32, sample: u32, light: [f32; 3], label: impl FnOnce(&Ledger) -> Label) {
+    pub fn add<A: Into<Account>>(
+        &mut self,
+        slot: u32,
+        sample: u32,
+        light: [f32; 3],
+        account: impl FnOnce(&Ledger) -> A,
+    ) {
         if light == [0.0; 3] {
             return;
         }
         if slot & SHARED != 0 {
             self.reuse.add(slot, sample, light);
             if let Some(ledger) = &mut self.ledger {
-                let label = label(ledger);
-                ledger.keep(slot & !(SHARED | FIRST), sample, light, slot & FIRST != 0, label);
+                let account = account(ledger).into();
+                ledger.keep(slot & !(SHARED | FIRST), sample, light, slot & FIRST != 0, account);
             }
             return;
         }
         if !self.replicas[replica(sample)].add(self.unit, slot as usize, light) {
             self.discarded += 1;
         } else if let Some(ledger) = &mut self.ledger {
-            let label = label(ledger);
-            ledger.add(self.unit, slot, sample, light, label);
+            let account = account(ledger).into();
+            ledger.add(self.unit, slot, sample, light, account);
         }
     }
 

@@ -10,9 +10,9 @@ use super::{
 };
 use crate::{
     accel::{NO_HIT, Solid, Stacks, TOGETHER},
-    film::{Film, LayerData, Split, Sums, Tile},
+    film::{Film, LayerData, PathLayer, Split, Sums, Tile},
     reference::Rng,
-    render::{LayerKind, RenderSettings, Renderer, Sharing},
+    render::{LayerKind, RenderSettings, Renderer, Sharing, find_lights},
     sampling::REPLICAS,
     simd::V3,
     world::{
@@ -213,10 +213,18 @@ fn all_ways() -> Scene {
 /// are those of a picture without layers, whether pixels share or not and however paths are taken.
 #[test]
 fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
-    const SPLITS: [Split; 5] =
-        [Split::Bounces, Split::Lights, Split::Direct, Split::LightsByBounces, Split::LightsByDirect];
+    const SPLITS: [Split; 7] = [
+        Split::Bounces,
+        Split::Lights,
+        Split::Direct,
+        Split::LightsByBounces,
+        Split::LightsByDirect,
+        Split::Lobes,
+        Split::LobesByBounces,
+    ];
     let mut renderer = Renderer::new();
-    renderer.sync(&mut all_ways());
+    let mut scene = all_ways();
+    renderer.sync(&mut scene);
     let flat = renderer.scene();
     for (sharing, max_depth, error) in [
         (Sharing::Always, None, None),
@@ -233,8 +241,23 @@ fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
             error,
             ..RenderSettings::default()
         };
-        let layers = SPLITS.map(LayerKind::Light).to_vec();
-        let with = RenderSettings { layers: layers.clone(), ..plain.clone() };
+        let layers: Vec<_> = SPLITS.into_iter().chain([Split::Paths]).map(LayerKind::Light).collect();
+        // As other layers are.
+        let same = [
+            ("all", "C.*", None),
+            ("seen", "C[LB]", Some("bounce00")),
+            ("second", "C..[LB]", Some("bounce02")),
+            ("later", "C.{2,}[LB]", Some("indirect")),
+            ("of-sky", "C.*B", Some("light.sky")),
+            ("of-sky-late", "C...<L.'sky'>", Some("light.sky.bounce03")),
+            ("coats", "C<R[SG]>.*[LB]", Some("specular.all")),
+        ];
+        let paths = same.map(|(name, text, _)| PathLayer {
+            name: name.into(),
+            expression: text.parse().unwrap_or_else(|error| panic!("{error}")),
+        });
+        let mut with = RenderSettings { layers: layers.clone(), paths: paths.to_vec(), ..plain.clone() };
+        find_lights(&mut with, &scene).expect("the sky is there");
         let (film, rendered) = schedule::film_by(flat, &with, Aim::Camera, &(), Worker::run);
         assert!(film.splats.is_some(), "light comes from emitters too");
         assert_eq!(rendered.picture.rgb, renderer.render(&plain, &()).picture.rgb);
@@ -257,11 +280,36 @@ fn light_in_parts_adds_up_to_all_light_and_changes_none_of_it() {
             assert!(lit(name), "{name}");
         }
         assert!(lit("bounce03.error"));
+        for name in ["diffuse.direct", "specular.direct", "specular.bounce02", "transmission.indirect"] {
+            assert!(lit(name), "{name}");
+        }
+        let values = |name: &str| {
+            let layer = rendered.picture.layers.iter().find(|layer| layer.name == name);
+            match layer.map(|layer| &layer.data) {
+                Some(LayerData::Rgb(values)) => values.clone(),
+                other => panic!("{name}: {other:?}"),
+            }
+        };
+        for (name, _, other) in same {
+            match other {
+                None => assert!(values(name) == rendered.picture.rgb, "{name}"),
+                Some("specular.all") => {
+                    let parts = ["specular.direct", "specular.indirect"].map(values);
+                    for (i, all) in values(name).into_iter().enumerate() {
+                        (0..3).for_each(|c| {
+                            let sum = parts[0][i][c] + parts[1][i][c];
+                            assert!((sum - all[c]).abs() <= 2e-7 * all[c], "{name}: {sum} {}", all[c]);
+                        });
+                    }
+                }
+                Some(other) => assert!(values(name) == values(other), "{name}"),
+            }
+        }
     }
 }
 
 #[track_caller]
-fn check_parts(film: &Film, splits: [Split; 5]) {
+fn check_parts(film: &Film, splits: [Split; 7]) {
     let sum = |parts: &[[Sums; REPLICAS]], replica: usize, pixel: usize| -> [i128; 3] {
         std::array::from_fn(|c| parts.iter().map(|part| part[replica].0[pixel][c]).sum())
     };

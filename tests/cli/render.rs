@@ -181,3 +181,39 @@ fn an_interrupted_render_writes_what_is_there_and_says_so() {
     assert!(start.elapsed() < Duration::from_secs(40), "it did not wait for its time to run out");
     assert_eq!(film::read(&out).unwrap().0.rgb.len(), 16 * 12);
 }
+
+/// Layers by paths are in the file under the names that they were given, with the expressions beside them; and what is wrong with
+/// an expression is told with its place.
+#[test]
+fn layers_by_paths_have_the_names_that_they_were_given() {
+    let folder = Folder::new();
+    let (scene, exr) = (scene(&folder), folder.at("a.exr"));
+    let options = "--size 16x12 --spp 4 --layers lobes --lpe shiny=CG[LB] --lpe on_glass=C.*<TS>L --env 1,1,1";
+    render(&scene, &[&exr], options).expect(0);
+    let (picture, _) = film::read(&exr).unwrap();
+    let names: Vec<_> = picture.layers.iter().map(|layer| layer.name.as_str()).collect();
+    for want in ["emission", "diffuse.direct", "transmission.indirect.error", "shiny", "shiny.error", "on_glass"] {
+        assert!(names.contains(&want), "{want}: {names:?}");
+    }
+    let of = |name: &str| match &picture.layers.iter().find(|layer| layer.name == name).expect("checked above").data {
+        LayerData::Rgb(values) => values.clone(),
+        other => panic!("{name}: {other:?}"),
+    };
+    assert!(of("shiny") == of("specular.direct"));
+    assert!(of("shiny").iter().flatten().any(|&c| c > 0.0));
+    assert!(picture.metadata.contains(&("lpe.shiny".into(), "CG[LB]".into())), "{:?}", picture.metadata);
+
+    for (options, problem) in [
+        ("--lpe CDL", "NAME=EXPRESSION"),
+        ("--lpe a=CXL", "character 2"),
+        ("--lpe a=DL", "begin with C"),
+        ("--lpe a.b=CDL", "letters, digits"),
+        ("--lpe albedo=CDL", "another layer"),
+        ("--lpe a=CDL --lpe a=CSL", "two layers a"),
+        ("--lpe a=CDL --integrator whitted", "does not tell what happened to paths"),
+        ("--layers lobes --integrator ao", "does not tell what happened to paths"),
+    ] {
+        render(&scene, &[&exr], options).expect(2).says(problem);
+    }
+    render(&scene, &[&exr], "--lpe a=CD<L.'moon'>").expect(1).says("no light \"moon\"").says("none");
+}

@@ -4,11 +4,12 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 use wavecast::{
-    film::{LayerData, Picture, Split},
+    film::{LayerData, PathLayer, Picture, Split},
     measure::{
         statistics::sidak,
         student::{Estimate, student_two_sided},
     },
+    reference::{self, Lobe, ReferenceSettings},
     render::{LayerKind, RenderSettings, Renderer, Sharing, name_lights},
     world::{Environment, Material, Name, PointLight, Scene},
 };
@@ -218,6 +219,71 @@ fn each_light_is_what_it_brings_alone() {
             }
         }
         check(&format!("lights, sharing {sharing:?}"), &pairs);
+    }
+}
+
+/// What happened to light is what a reference says, in which only certain lobes scatter at the first surfaces: with a coat on
+/// all that is matt, so that near and far vertices divide their light, with metal and glass, from surfaces, a lamp and the sky.
+#[test]
+fn paths_are_what_a_reference_with_only_these_lobes_says() {
+    const SIZE: u32 = 24;
+    let mut scene = varied();
+    for key in scene.keys_with::<Material>() {
+        let material: Material = scene.get(key).expect("it has one");
+        if material.specular == 0.0 {
+            let coated = Material { specular: 1.0, roughness: 0.5, ..material };
+            scene.insert(key, coated);
+        }
+    }
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut scene);
+    use wavecast::reference::Lobe::{Diffuse, Rough, Singular};
+    let kinds: [(&str, &str, &[Lobe]); 8] = [
+        ("D", "C([LB]|<RD>.*[LB])", &[Diffuse]),
+        ("G", "C([LB]|<.G>.*[LB])", &[Rough]),
+        ("S", "C([LB]|S.*[LB])", &[Singular]),
+        ("DD", "C([LB]|D([LB]|D.*[LB]))", &[Diffuse, Diffuse]),
+        ("DG", "C([LB]|D([LB]|G.*[LB]))", &[Diffuse, Rough]),
+        ("GD", "C([LB]|G([LB]|D.*[LB]))", &[Rough, Diffuse]),
+        ("GG", "C([LB]|G([LB]|G.*[LB]))", &[Rough, Rough]),
+        ("DSS", "C([LB]|D([LB]|S([LB]|S.*[LB])))", &[Diffuse, Singular, Singular]),
+    ];
+    let references: Vec<Pictures> = kinds
+        .iter()
+        .map(|(_, _, lobes)| {
+            let picture = |seed| {
+                let settings = ReferenceSettings {
+                    width: SIZE,
+                    height: SIZE,
+                    spp: scaled(64),
+                    seed: 77 + seed,
+                    filter: wavecast::render::PixelFilter::Box,
+                    lobes: lobes.to_vec(),
+                    ..ReferenceSettings::default()
+                };
+                let rgb = reference::render(renderer.scene(), &settings).rgb;
+                squares(&rgb.iter().map(|rgb| rgb.as_vec3().to_array()).collect::<Vec<_>>(), SIZE as usize)
+            };
+            (0..SEEDS).map(picture).collect()
+        })
+        .collect();
+    for sharing in [Sharing::Always, Sharing::Off] {
+        let paths = kinds.map(|(name, text, _)| PathLayer {
+            name: name.into(),
+            expression: text.parse().unwrap_or_else(|error| panic!("{error}")),
+        });
+        let layers = vec![LayerKind::Light(Split::Paths)];
+        let plain = RenderSettings { sharing, layers, paths: paths.to_vec(), ..settings(SIZE, scaled(32)) };
+        let all = pictures(&renderer, &plain, 0);
+        let pairs: Vec<_> = kinds
+            .iter()
+            .zip(&references)
+            .map(|((name, ..), want)| {
+                let got = all.iter().map(|picture| squares(rgb(picture, name), SIZE as usize)).collect();
+                ((*name).to_owned(), got, want.clone())
+            })
+            .collect();
+        check(&format!("paths, sharing {sharing:?}"), &pairs);
     }
 }
 

@@ -63,7 +63,7 @@ impl Tracer<'_> {
         let mut light = DVec3::ZERO;
         let mut add = |target: Target, arriving: &dyn Fn(DVec3, f64) -> DVec3, gap: f64| {
             let Some((origin, wi, distance)) = point.leave_for(target) else { return };
-            let f = point.eval(wo, wi);
+            let f = point.eval(wo, wi, None);
             let ray = Ray { origin, direction: wi, t_min: self.offset, t_max: distance - gap };
             if f != DVec3::ZERO && self.meet_surely(&ray).is_none() {
                 light += f * arriving(wi, distance);

@@ -34,17 +34,17 @@ use super::{
     Job,
     coverage::{BothSides, SceneCoverage},
     dimensions::{mix, ray_id},
-    parts_of,
+    lobes, parts_of,
     queues::{HitQueue, HitRow},
     shade::BEFORE_LIGHT,
     sort::{self, Order},
     stats::{Counters, Stage},
-    surface::Incoming,
+    surface::{Incoming, Parts},
 };
 use crate::{
     accel::{Coverage, Hit, Rays, Solid},
-    bsdf::{Lambert, Opaque, Transmissive},
-    film::{Label, Splat, Splats},
+    bsdf::{Bsdf, Lambert, Opaque, Transmissive},
+    film::{Automaton, Event, Label, Splat, Splats},
     flat::{FlatScene, NONE, SceneNeeds, ShadingClass, Source, flags},
     render::RenderSettings,
     sampling::{FilterDensity, Sampler},
@@ -141,6 +141,8 @@ pub struct LightWorker {
     splats: Vec<Splat>,
     /// What started each path of a chunk, where layers tell.
     sources: Vec<Source>,
+    /// What happened to the light of each row of `sights`, where layers tell.
+    ways: Vec<[u16; 3]>,
 }
 
 impl LightWorker {
@@ -195,9 +197,11 @@ impl LightWorker {
             // Pixels of a picture come before.
             key: sampler.pixel_hash((number >> 32) as u32, u32::MAX),
         };
-        let Self { paths, next, hits, order, sights, history, splats, sources } = self;
+        let Self { paths, next, hits, order, sights, history, splats, sources, ways } = self;
         let accounts = &job.accounts;
         let by_light = accounts.splits.by_light();
+        let automaton = accounts.splits.automaton.as_deref();
+        let keeps_history = settings.absorbs || automaton.is_some();
         sources.clear();
         let rows = settings.wave_size.min(range.len());
         // A path may be scattered and go on behind a surface without a back at once.
@@ -220,7 +224,7 @@ impl LightWorker {
                     });
                 }
                 if let Some(mut path) = start {
-                    if settings.absorbs {
+                    if keeps_history {
                         path.node = history.push(on_emitter(scene, path.node));
                     }
                     paths.put(&LightBlock::all(&path), 1);
@@ -239,12 +243,13 @@ impl LightWorker {
             sort::sort(scene, hits, settings.sorted, settings.asks_ahead, order);
             next.rewind();
             sights.rewind();
-            let wave = Wave { around: &around, light, paths, hits, materials: &order.materials };
+            ways.clear();
+            let wave = Wave { around: &around, light, automaton, paths, hits, materials: &order.materials };
             for piece in order.pieces() {
                 for class in ShadingClass::SCATTERING {
                     let rows = piece.run(class as usize);
                     if !rows.is_empty() {
-                        wave.relay(class, rows, sights, next, history, counters);
+                        wave.relay(class, rows, sights, ways, next, history, counters);
                     }
                 }
             }
@@ -254,7 +259,8 @@ impl LightWorker {
                     let sight = sights.row(row);
                     let number = sight.index.wrapping_sub(first).wrapping_sub(range.start) as usize;
                     let light_row = sources.get(number).map_or(0, |&source| accounts.groups.of(scene, source));
-                    let label = Label { scatterings: sight.depth, light: light_row };
+                    let way = ways.get(row).copied().unwrap_or_default();
+                    let label = Label { scatterings: sight.depth, light: light_row, way };
                     splat::splat(&light.filter, film, &sight, label, splats);
                 }
             });
@@ -265,15 +271,22 @@ impl LightWorker {
 
 /// The vertex of a path that is at its start.
 fn on_emitter(scene: &FlatScene, node: u32) -> Node {
+    let events = [Event::DiffuseReflection; 3];
+    if node == NONE {
+        // The sky, which no solid is around.
+        return Node { before: NONE, material: NONE, back: false, transmitted: false, t: 0.0, events };
+    }
     let (triangles, row) = (&scene.lights.triangles, (node / 2) as usize);
     let material = scene.material_of(triangles.instance[row], triangles.triangle[row]);
-    Node { before: NONE, material, back: node & 1 == 1, transmitted: false, t: 0.0 }
+    Node { before: NONE, material, back: node & 1 == 1, transmitted: false, t: 0.0, events }
 }
 
 /// A wave of light paths with what they met.
 struct Wave<'a> {
     around: &'a Around<'a>,
     light: &'a LightPaths,
+    /// Where layers tell what happened to light.
+    automaton: Option<&'a Automaton>,
     paths: &'a LightQueue,
     hits: &'a HitQueue,
     materials: &'a [u32],
@@ -286,25 +299,51 @@ impl Wave<'_> {
         class: ShadingClass,
         rows: &[u32],
         sights: &mut SightQueue,
+        ways: &mut Vec<[u16; 3]>,
         next: &mut LightQueue,
         history: &mut History,
         counters: &mut Counters,
     ) {
         let run = match class {
-            ShadingClass::Unlit | ShadingClass::Lambert => relay::relay::<f32x8, Lambert, false>,
-            ShadingClass::Opaque => relay::relay::<f32x8, Opaque, false>,
-            ShadingClass::OpaqueTextured => relay::relay::<f32x8, Opaque, true>,
-            ShadingClass::Transmissive => relay::relay::<f32x8, Transmissive, false>,
-            ShadingClass::TransmissiveTextured => relay::relay::<f32x8, Transmissive, true>,
+            ShadingClass::Unlit | ShadingClass::Lambert => Self::relay_by::<Lambert, false>,
+            ShadingClass::Opaque => Self::relay_by::<Opaque, false>,
+            ShadingClass::OpaqueTextured => Self::relay_by::<Opaque, true>,
+            ShadingClass::Transmissive => Self::relay_by::<Transmissive, false>,
+            ShadingClass::TransmissiveTextured => Self::relay_by::<Transmissive, true>,
         };
         for rows in rows.chunks(LANES) {
             let index: [usize; LANES] = std::array::from_fn(|lane| rows[lane.min(rows.len() - 1)] as usize);
             let (at, passes) = self.gather(&index, rows.len());
             if at.active | passes != 0 {
-                let (seen, onward) = run(self.around, &at, parts_of(class), counters);
-                self.push(&index, &at, &seen, &onward, passes, sights, next, history);
+                let (seen, onward, events) = run(self, &at, parts_of(class), counters);
+                self.push(&index, &at, &seen, &onward, events, passes, sights, ways, next, history);
             }
         }
+    }
+
+    /// One block, and what its surfaces do to what the camera sees and to what goes on.
+    fn relay_by<B: Bsdf, const TEXTURED: bool>(
+        &self,
+        at: &Landed<f32x8>,
+        parts: Parts,
+        counters: &mut Counters,
+    ) -> (Seen<f32x8>, Onward<f32x8>, [[[Event; 3]; 8]; 2]) {
+        let (seen, onward) = relay::relay::<f32x8, B, TEXTURED>(self.around, at, parts, counters);
+        if self.automaton.is_none() {
+            return (seen, onward, [[[Event::DiffuseReflection; 3]; 8]; 2]);
+        }
+        let Around { scene, settings, key, .. } = *self.around;
+        let to_light = -at.hits.direction;
+        // Lanes that see nothing look along the way that they came.
+        let to_camera = V3::from_fn(|lane| seen.sightings[lane].direction.map(|c| -c));
+        let to_camera = V3::select(Mask::from_bits(seen.lanes), to_camera, to_light);
+        let events = |towards: V3<f32x8>, delta: u32, kind: u32| {
+            let fix = settings.terminator_fix;
+            let u = |lane: usize| lobes::uniform(key ^ kind, at.index[lane], at.depth[lane]);
+            lobes::of_light_paths::<f32x8, B, TEXTURED>(scene, fix, &at.hits, parts, towards, Mask::from_bits(delta), u)
+        };
+        let events = [events(to_camera, 0, 0), events(onward.direction, onward.deltas, 1)];
+        (seen, onward, events)
     }
 
     /// Paths of one block, and the lanes that go on behind the surface too.
@@ -355,26 +394,34 @@ impl Wave<'_> {
         at: &Landed<f32x8>,
         seen: &Seen<f32x8>,
         onward: &Onward<f32x8>,
+        [to_camera, on]: [[[Event; 3]; 8]; 2],
         passes: u32,
         sights: &mut SightQueue,
+        ways: &mut Vec<[u16; 3]>,
         next: &mut LightQueue,
         history: &mut History,
     ) {
         let Around { scene, settings, key, .. } = *self.around;
-        let node = |lane: usize, transmitted: u32| {
+        let keeps_history = settings.absorbs || self.automaton.is_some();
+        let node = |lane: usize, transmitted: u32, events: [Event; 3]| {
             let (i, transmitted) = (index[lane], transmitted >> lane & 1 == 1);
             let back = (self.hits.back[i] == 1) != transmitted;
             let material = at.hits.material[lane];
-            Node { before: self.paths.node[i], material, back, transmitted, t: self.hits.t[i] }
+            Node { before: self.paths.node[i], material, back, transmitted, t: self.hits.t[i], events }
         };
         if seen.lanes != 0 {
             let mut light = [seen.light.x, seen.light.y, seen.light.z].map(|c| c.to_array());
             if settings.absorbs {
                 for lane in (0..LANES).filter(|lane| seen.lanes >> lane & 1 == 1) {
                     let distance = seen.sightings[lane].distance;
-                    let keep = history.transmittance(scene, node(lane, seen.transmitted), distance);
+                    let last = node(lane, seen.transmitted, to_camera[lane]);
+                    let keep = history.transmittance(scene, last, distance);
                     (0..3).for_each(|c| light[c][lane] *= keep[c]);
                 }
+            }
+            if let Some(automaton) = self.automaton {
+                let lanes = (0..LANES).filter(|lane| seen.lanes >> lane & 1 == 1);
+                ways.extend(lanes.map(|lane| history.way(automaton, node(lane, seen.transmitted, to_camera[lane]))));
             }
             let from: V3<f32x8> = V3::from_fn(|lane| seen.sightings[lane].origin);
             let to = seen.end - from;
@@ -412,9 +459,9 @@ impl Wave<'_> {
             target: [NONE; LANES],
             node: [NONE; LANES],
         };
-        if settings.absorbs {
+        if keeps_history {
             for lane in (0..LANES).filter(|lane| onward.lanes >> lane & 1 == 1) {
-                block.node[lane] = history.push(node(lane, onward.transmitted));
+                block.node[lane] = history.push(node(lane, onward.transmitted, on[lane]));
             }
         }
         next.put(&block, onward.lanes);
@@ -425,8 +472,8 @@ impl Wave<'_> {
             [path.ox, path.oy, path.oz] = onward.beyond.lane(lane);
             (path.flux_r, path.flux_g, path.flux_b) =
                 (path.flux_r * weight, path.flux_g * weight, path.flux_b * weight);
-            if settings.absorbs {
-                path.node = history.push(Node { material: NONE, ..node(lane, 0) });
+            if keeps_history {
+                path.node = history.push(Node { material: NONE, ..node(lane, 0, on[lane]) });
             }
             next.put(&LightBlock::all(&path), 1);
         }

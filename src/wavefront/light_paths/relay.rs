@@ -80,6 +80,8 @@ pub struct Onward<F: Real> {
     pub flux: Rgb<F>,
     /// Through the surface.
     pub transmitted: u32,
+    /// By a mirror or clear glass.
+    pub deltas: u32,
     /// Lanes that go on.
     pub lanes: u32,
     /// Start of a ray beyond the surface, m.
@@ -177,6 +179,7 @@ pub fn relay<F: Real, B: Bsdf, const TEXTURED: bool>(
         direction: onward,
         flux,
         transmitted: if transmissive { drawn.transmitted.bits() } else { 0 },
+        deltas: drawn.delta.bits(),
         lanes: goes_on.bits(),
         beyond: surface.leave(F::Mask::splat(false)),
     };

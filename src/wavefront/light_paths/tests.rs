@@ -183,7 +183,8 @@ fn light_is_absorbed_between_the_walls_of_a_solid() {
     });
     scene.materials.push(dull);
     let mut history = History::default();
-    let node = |before, material, back, transmitted, t| Node { before, material, back, transmitted, t };
+    let events = [crate::film::Event::SingularTransmission; 3];
+    let node = |before, material, back, transmitted, t| Node { before, material, back, transmitted, t, events };
     let lamp = history.push(node(NONE, 1, false, false, 0.0));
     let passed = history.push(node(lamp, NONE, false, false, 0.7));
     // Met from outside; on the way from the camera it is left there.

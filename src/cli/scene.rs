@@ -90,6 +90,24 @@ impl SceneArgs {
         Ok(Opened { scene, renderer, load_time, sync_time, build_time: report.build_time })
     }
 
+    /// The scene anew, without another word about it.
+    pub fn open_silently(&self) -> Result<(Scene, Renderer), CliError> {
+        let options = LoadOptions { scene: self.name.as_deref().map(Into::into) };
+        let mut scene = load::load(&self.file, &options)?.scene;
+        let mut renderer = Renderer::new();
+        renderer.accel = self.accel.kind()?;
+        renderer.sync(&mut scene);
+        Ok((scene, renderer))
+    }
+
+    /// The scene anew, but with nothing else than an entity and what hangs below it.
+    pub fn alone(&self, key: SceneKey) -> Result<(Scene, Renderer), CliError> {
+        let (mut scene, mut renderer) = self.open_silently()?;
+        scene.keep_only(key);
+        renderer.sync(&mut scene);
+        Ok((scene, renderer))
+    }
+
     /// What of it decides the pixels, as text for files.
     pub fn metadata(&self) -> Vec<(String, String)> {
         let name = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -16,7 +16,7 @@ use crate::{
     film::luminance,
     flat::{FlatMesh, FlatScene},
     render::{Observer, PixelFilter, RenderSettings, Rendered, Sharing},
-    wavefront::{Aim, Place, add_unseen, render_aimed},
+    wavefront::{Aim, Beam, Place, add_unseen, render_aimed},
 };
 
 /// What is read.
@@ -29,6 +29,11 @@ pub enum Meters {
     On(u32, Vec<(u32, [f32; 2])>),
     /// Luminance of pixels of the camera's picture of such a size, in nit.
     Pixels([u32; 2], Vec<[u32; 2]>),
+    /// Luminous intensity of all that is in the scene, as seen from far away in unit directions, in cd; their mean is
+    /// weighted. See [`far_field`](super::far_field).
+    Directions(Vec<(DVec3, f64)>),
+    /// The mean of that over all directions, in cd.
+    Around,
 }
 
 /// When to stop.
@@ -103,7 +108,7 @@ pub fn read(scene: &FlatScene, meters: &Meters, effort: &Effort, observer: &dyn 
     let start = std::time::Instant::now();
     let count = meters.count();
     let copies = (COPIES / count.max(1)).clamp(LEAST_COPIES, COPIES);
-    let (scene, aim) = meters.aim(scene, copies);
+    let (scene, aim, scale) = meters.aim(scene, copies);
     let most_spp = effort.samples.map_or(u32::MAX, |n| n.div_ceil(copies as u64).clamp(1, u64::from(u32::MAX)) as u32);
     let mut spp = match effort.error {
         None => most_spp.min(1 << 20),
@@ -123,10 +128,10 @@ pub fn read(scene: &FlatScene, meters: &Meters, effort: &Effort, observer: &dyn 
         let rendered = round_of(&scene, &aim, meters, count * copies, spp, effort, (round, left), observer);
         if rendered.stats.cancelled {
             // Some copies have been read and others not: these say nothing.
-            return last.unwrap_or_else(|| readings(&rendered, meters, copies).unknown());
+            return last.unwrap_or_else(|| readings(&rendered, meters, copies, scale).unknown());
         }
         seconds_each = (start.elapsed().as_secs_f64() - before) / rendered.stats.spp.max(1.0);
-        let mut readings = readings(&rendered, meters, copies);
+        let mut readings = readings(&rendered, meters, copies, scale);
         readings.samples = (rendered.stats.spp * copies as f64).round() as u64;
         readings.seconds = start.elapsed().as_secs_f64();
         let Some(target) = effort.error else {
@@ -172,7 +177,7 @@ fn round_of(
 ) -> Rendered {
     let width = WIDTH.min(pixels.max(1));
     // Light that a surface sends back has been scattered once more.
-    let more = u32::from(!matches!(meters, Meters::Pixels(..)));
+    let more = u32::from(matches!(meters, Meters::Planes(_) | Meters::On(..)));
     let settings = RenderSettings {
         width: width as u32,
         height: pixels.div_ceil(width) as u32,
@@ -191,8 +196,7 @@ fn round_of(
 }
 
 /// By meter and all together, from pixels that are the copies of the first meter, then those of the second, and so on.
-fn readings(rendered: &Rendered, meters: &Meters, copies: usize) -> Readings {
-    let scale = if matches!(meters, Meters::Pixels(..)) { 1.0 } else { PI };
+fn readings(rendered: &Rendered, meters: &Meters, copies: usize, scale: f64) -> Readings {
     let count = meters.count();
     let value = |meter: usize, copy: usize| rendered.picture.rgb[meter * copies + copy].map(|c| scale * f64::from(c));
     let reading = |of_copy: &dyn Fn(usize) -> [f64; 3]| {
@@ -202,12 +206,13 @@ fn readings(rendered: &Rendered, meters: &Meters, copies: usize) -> Readings {
             value: Estimate::of(all.iter().map(|&rgb| luminance(rgb))),
         }
     };
+    let all = (0..count).map(|meter| meters.weight(meter)).sum::<f64>().max(f64::MIN_POSITIVE);
     let mean = |copy: usize| {
         let sum = (0..count).fold([0.0; 3], |sum, meter| {
-            let rgb = value(meter, copy);
-            std::array::from_fn(|c| sum[c] + rgb[c])
+            let (rgb, weight) = (value(meter, copy), meters.weight(meter));
+            std::array::from_fn(|c| rgb[c].mul_add(weight, sum[c]))
         });
-        sum.map(|c| c / count.max(1) as f64)
+        sum.map(|c| c / all)
     };
     Readings {
         each: (0..count).map(|meter| reading(&|copy| value(meter, copy))).collect(),
@@ -226,13 +231,33 @@ impl Meters {
             Self::Planes(places) => places.len(),
             Self::On(_, places) => places.len(),
             Self::Pixels(_, pixels) => pixels.len(),
+            Self::Directions(directions) => directions.len(),
+            Self::Around => 1,
         }
     }
 
-    /// The scene with its meters, and what each pixel of a film looks at.
-    fn aim(&self, scene: &FlatScene, copies: usize) -> (FlatScene, Aim) {
+    /// How much one counts in the mean of all.
+    fn weight(&self, meter: usize) -> f64 {
+        if let Self::Directions(directions) = self { directions[meter].1 } else { 1.0 }
+    }
+
+    /// The scene with its meters, what each pixel of a film looks at, and what a meter reads for a nit there.
+    fn aim(&self, scene: &FlatScene, copies: usize) -> (FlatScene, Aim, f64) {
         let mut scene = scene.clone();
+        let mut scale = if matches!(self, Self::Pixels(..)) { 1.0 } else { PI };
         let aim = match self {
+            Self::Directions(directions) => {
+                let (center, radius) = ball_around(&scene).unwrap_or_default();
+                // I = ∫ L dA over all that is seen at right angles to the direction.
+                scale = PI * radius * radius;
+                let beam = |&(to, _): &(DVec3, f64)| Beam::new(center.as_vec3(), radius as f32, to.as_vec3());
+                Aim::Beams(repeat(directions.iter().map(beam), copies))
+            }
+            Self::Around => {
+                let (center, radius) = ball_around(&scene).unwrap_or_default();
+                scale = PI * radius * radius;
+                Aim::Around(center.as_vec3().to_array(), radius as f32)
+            }
             Self::Pixels(size, pixels) => Aim::Pixels(*size, repeat(pixels.iter().copied(), copies)),
             Self::Planes(places) => {
                 let mesh = scene.meshes.len() as u32;
@@ -270,8 +295,39 @@ impl Meters {
                 Aim::Places(repeat(places.iter().map(place), copies))
             }
         };
-        (scene, aim)
+        (scene, aim, scale)
     }
+}
+
+/// Centre and radius, m, of a ball around all that is shown; none if nothing is. Infinite for what has no end.
+pub(super) fn ball_around(scene: &FlatScene) -> Option<(DVec3, f64)> {
+    let mut points: Vec<DVec3> = Vec::new();
+    let mut add = |m: &[f32; 12], p: Vec3| points.push(moved(m, p).as_dvec3());
+    for row in 0..scene.instances.len() {
+        let mesh = &scene.meshes[scene.instances.mesh[row] as usize];
+        let m = &scene.instances.world_from_local[row];
+        if mesh.shape.is_some() {
+            let (least, most) = mesh.blas.bounds();
+            if (0..3).any(|axis| least[axis] > most[axis]) {
+                // A plane.
+                return Some((DVec3::ZERO, f64::INFINITY));
+            }
+            for i in 0..8 {
+                let of = |axis: usize| if i >> axis & 1 == 0 { least[axis] } else { most[axis] };
+                add(m, Vec3::new(of(0), of(1), of(2)));
+            }
+        }
+        mesh.positions.iter().for_each(|&p| add(m, p.into()));
+    }
+    let first = *points.first()?;
+    if !points.iter().all(|p| p.is_finite()) {
+        return Some((DVec3::ZERO, f64::INFINITY));
+    }
+    let (least, most) = points.iter().fold((first, first), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    let center = 0.5 * (least + most);
+    let radius = points.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
+    // A little more, for the rounding of rays.
+    Some((center, radius * (1.0 + 1e-5)))
 }
 
 fn repeat<T: Copy>(items: impl Iterator<Item = T>, copies: usize) -> Vec<T> {

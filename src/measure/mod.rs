@@ -1,6 +1,7 @@
 //! How far a picture is from another, and the statistics that tests and error bars stand on.
 
 pub mod converged;
+pub mod far_field;
 pub mod flip;
 pub mod flux;
 pub mod heat;

@@ -1,8 +1,15 @@
 //! What pixels look at, if not at what lies before them in the camera's picture: places of surfaces, which are light meters
-//! then, or pixels of a picture in any order.
+//! then, pixels of a picture in any order, or all that shines in a direction.
 
-use super::queues::{HitQueue, HitRow, PathQueue};
+use super::{
+    dimensions,
+    queues::{HitQueue, HitRow, PathQueue},
+};
 use crate::flat::{FlatScene, Instance, MaterialRow, NONE, ShadingClass, flags};
+use crate::{
+    sampling::{Sampler, warp},
+    simd::{Bits, Real, V3},
+};
 
 /// A place of a surface, as a ray would have met it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,6 +28,21 @@ pub struct Place {
     pub back: bool,
 }
 
+/// Discs are so many radii of a ball away from its centre.
+const BEYOND: f32 = 1.01;
+
+impl Beam {
+    /// All that a ball sends off in a unit direction.
+    pub fn new(center: glam::Vec3, radius: f32, to: glam::Vec3) -> Self {
+        let (x, y) = to.any_orthonormal_pair();
+        Self {
+            center: (center + to * (radius * BEYOND)).to_array(),
+            direction: (-to).to_array(),
+            radii: [x, y].map(|axis| (axis * radius).to_array()),
+        }
+    }
+}
+
 /// What the pixels of a film look at, by rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Aim {
@@ -31,6 +53,21 @@ pub enum Aim {
     Places(Vec<Place>),
     /// Pixels of a picture of that size.
     Pixels([u32; 2], Vec<[u32; 2]>),
+    /// What comes through discs, straight.
+    Beams(Vec<Beam>),
+    /// What comes out of a ball in any direction, uniformly: its centre and radius, m.
+    Around([f32; 3], f32),
+}
+
+/// Parallel rays through a disc.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Beam {
+    /// Its centre, m.
+    pub center: [f32; 3],
+    /// Unit direction of the rays.
+    pub direction: [f32; 3],
+    /// Two radii that are at right angles to each other, m.
+    pub radii: [[f32; 3]; 2],
 }
 
 impl Aim {
@@ -80,6 +117,44 @@ pub fn point(aim: &Aim, [x0, y0, width, _]: [u32; 4], film_width: u32, from: usi
             [paths.dx[row], paths.dy[row], paths.dz[row]] = place.direction;
             paths.t_max[row] = 0.0;
         }
+    }
+}
+
+/// Sends the paths from row `from` on through their discs.
+pub fn shine(
+    aim: &Aim,
+    [x0, y0, width, _]: [u32; 4],
+    film_width: u32,
+    from: usize,
+    sampler: &Sampler,
+    paths: &mut PathQueue,
+) {
+    type Integer = <f32 as Real>::Bits;
+    if !matches!(aim, Aim::Beams(_) | Aim::Around(..)) {
+        return;
+    }
+    for row in from..paths.len() {
+        let (hash, index) = (Integer::splat(paths.pixel_hash[row]), Integer::splat(paths.index[row]));
+        let pair = |dimension| sampler.pair::<f32>(hash, index, Integer::splat(dimension));
+        let beam = match aim {
+            Aim::Around(center, radius) => {
+                let V3 { x, y, z } = warp::uniform_sphere(pair(dimensions::LENS));
+                Beam::new((*center).into(), *radius, glam::Vec3::new(x, y, z))
+            }
+            Aim::Beams(beams) => {
+                let slot = paths.slot[row];
+                let pixel = (y0 + slot / width) * film_width + x0 + slot % width;
+                let Some(beam) = beams.get(pixel as usize).or(beams.last()) else { return };
+                *beam
+            }
+            _ => return,
+        };
+        let (x, y) = warp::concentric_disk(pair(dimensions::FILTER));
+        let [a, b] = beam.radii;
+        let at = |i: usize| b[i].mul_add(y, a[i].mul_add(x, beam.center[i]));
+        [paths.ox[row], paths.oy[row], paths.oz[row]] = [at(0), at(1), at(2)];
+        [paths.dx[row], paths.dy[row], paths.dz[row]] = beam.direction;
+        paths.t_max[row] = f32::INFINITY;
     }
 }
 

@@ -4,7 +4,9 @@ use crate::simd::{Bits, Real};
 
 /// Position within the pixel's filter.
 pub const FILTER: u32 = 0;
-/// First pair of the first surface; 1 is kept for a lens.
+/// Which of the directions that a pixel looks in, if there are several.
+pub const LENS: u32 = 1;
+/// First pair of the first surface.
 const FIRST: u32 = 2;
 /// Pairs for each surface.
 const STRIDE: u32 = 4;

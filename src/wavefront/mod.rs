@@ -67,14 +67,14 @@ mod view;
 use std::sync::Arc;
 
 pub use self::{
-    aim::{Aim, Place, add_unseen},
+    aim::{Aim, Beam, Place, add_unseen},
+    coverage::SceneCoverage,
     one_path::render_one_path,
     queues::BYTES_PER_PATH,
     schedule::{render, render_aimed},
     stats::STAGES,
 };
 use self::{
-    coverage::SceneCoverage,
     generate::{Cursor, Lens},
     join::Joiner,
     ledger::{Accounts, Ledger},
@@ -343,6 +343,7 @@ impl Worker {
                     if at_places {
                         aim::point(aim, rectangle, *film_width, before, paths);
                     }
+                    aim::shine(aim, rectangle, *film_width, before, sampler, paths);
                     blocks
                 });
                 let started = paths.len() - before;

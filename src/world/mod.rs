@@ -102,6 +102,36 @@ impl Scene {
         self.world.get::<&T>(self.entity(key)?).ok().map(|component| (*component).clone())
     }
 
+    /// Takes away all that shines or is seen, but for an entity and what hangs below it. Cameras and transforms stay.
+    pub fn keep_only(&mut self, key: SceneKey) {
+        let mut all: Vec<SceneKey> = self.entities.keys().copied().collect();
+        all.sort_unstable();
+        let is_below = |mut at: SceneKey| {
+            // As many steps as there are entities, should parents go round in a circle.
+            for _ in 0..=self.entities.len() {
+                if at == key {
+                    return true;
+                }
+                match self.get::<Parent>(at) {
+                    Some(parent) => at = parent.0,
+                    None => return false,
+                }
+            }
+            false
+        };
+        let others: Vec<Entity> =
+            all.into_iter().filter(|&at| !is_below(at)).filter_map(|at| self.entity(at)).collect();
+        for entity in others {
+            // That it has none of them is no failure.
+            let _ = self.world.remove_one::<Geometry>(entity);
+            let _ = self.world.remove_one::<Shape>(entity);
+            let _ = self.world.remove_one::<PointLight>(entity);
+            let _ = self.world.remove_one::<SpotLight>(entity);
+            let _ = self.world.remove_one::<DirectionalLight>(entity);
+            let _ = self.world.remove_one::<Environment>(entity);
+        }
+    }
+
     /// The first entity, by key, that has this name.
     pub fn find(&self, name: &str) -> Option<SceneKey> {
         let mut query = self.world.query::<(&SceneKey, &Name)>();

@@ -1,5 +1,7 @@
 //! Light meters against closed forms, and intervals against what they promise.
 
+mod far_field;
+
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};

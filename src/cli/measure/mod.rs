@@ -1,5 +1,7 @@
 //! `wavecast measure`: light meters in a scene.
 
+mod candela;
+
 use std::{
     fmt::Write as _,
     path::{Path, PathBuf},
@@ -13,6 +15,7 @@ use wavecast::{
     flat::FlatScene,
     glam::DVec3,
     measure::{
+        far_field::FarField,
         flux::flux,
         heat,
         meter::{Effort, Meters, Reading, Readings, read},
@@ -66,6 +69,13 @@ pub struct Args {
     /// Flux that a light sends off, lm
     #[arg(long, value_name = "ENTITY")]
     lumen: Vec<String>,
+    /// Luminous intensity by direction of a luminaire: an entity and what hangs below it, alone in the dark, cd
+    #[arg(long, value_name = "ENTITY")]
+    candela: Vec<String>,
+    /// Degrees from one direction of --candela to the next: of γ, from straight down to straight up, and of C, around
+    /// [default: 5,15]
+    #[arg(long, value_name = "GAMMA[,C]", value_parser = candela::steps, requires = "candela")]
+    step: Option<candela::Steps>,
     /// Read until the 95 % interval is at most this share of the reading to either side [default: 1%, or none with --spp]
     #[arg(long, value_name = "ERROR", value_parser = args::error)]
     error: Option<f64>,
@@ -81,8 +91,8 @@ pub struct Args {
     /// Chooses the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// The last grid or part of the picture in false colours with a legend (.png), or as a table (.csv); may be given
-    /// several times
+    /// The last grid or part of the picture in false colours with a legend (.png), or as a table (.csv); the last
+    /// luminaire for lighting programs (.ies), as a diagram (.svg) or as a table (.csv); may be given several times
     #[arg(short, long = "output", value_name = "OUT")]
     output: Vec<PathBuf>,
 }
@@ -135,6 +145,8 @@ struct Answer {
     discarded: u64,
     /// Points along two directions, and their readings.
     grid: Option<([u32; 2], Vec<Reading>)>,
+    /// The same as directions.
+    field: Option<FarField>,
 }
 
 impl Answer {
@@ -151,6 +163,7 @@ impl Answer {
             reached,
             discarded,
             grid: Some(([each.len() as u32, 1], each)),
+            field: None,
         }
     }
 
@@ -195,6 +208,10 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
     for &part in &args.nit {
         answers.push(of_region(&renderer, part, size, &effort, &watcher)?);
     }
+    for name in &args.candela {
+        let key = node(&scene, args, name)?;
+        answers.push(candela::read(args, name, key, &effort, &watcher)?);
+    }
     watcher.finish();
     for name in &args.lumen {
         let key = entity(&scene, args, name)?;
@@ -216,10 +233,11 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
             reached: true,
             discarded: 0,
             grid: None,
+            field: None,
         });
     }
     for path in &args.output {
-        write(path, &answers)?;
+        write(path, args, &answers)?;
     }
     for answer in answers.iter().filter(|answer| answer.discarded > 0) {
         console.warn(format_args!("{} {}: {} samples were left out", answer.kind, answer.at, answer.discarded));
@@ -232,9 +250,12 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
 }
 
 fn check(args: &Args) -> Result<(), CliError> {
-    let Args { lux, lux_plane, on, nit, lumen, .. } = args;
-    if lux.is_empty() && lux_plane.is_empty() && on.is_empty() && nit.is_empty() && lumen.is_empty() {
-        return Err(CliError::Usage("nothing to read: give --lux, --lux-plane, --on, --nit or --lumen".into()));
+    let Args { lux, lux_plane, on, nit, lumen, candela, .. } = args;
+    let none = lux.is_empty() && lux_plane.is_empty() && on.is_empty() && nit.is_empty();
+    if none && lumen.is_empty() && candela.is_empty() {
+        return Err(CliError::Usage(
+            "nothing to read: give --lux, --lux-plane, --on, --nit, --lumen or --candela".into(),
+        ));
     }
     if let Some(pair) = lux.chunks_exact(2).find(|pair| pair[1].length() == 0.0) {
         return Err(CliError::Usage(format!("--lux {}: the normal has no length", text_of(pair[0]))));
@@ -243,19 +264,33 @@ fn check(args: &Args) -> Result<(), CliError> {
         return Err(CliError::Usage(format!("--lux-plane {}: its edges span no plane", text_of(plane[0]))));
     }
     for path in &args.output {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        if !["png", "csv"].contains(&extension.as_str()) {
-            return Err(CliError::Usage(format!("{}: readings are written as .png or .csv", path.display())));
-        }
-        if lux_plane.is_empty() && nit.is_empty() && on.is_empty() {
+        let extension = extension(path);
+        if !["png", "csv", "ies", "svg"].contains(&extension.as_str()) {
             return Err(CliError::Usage(format!(
-                "{}: nothing to write; only --lux-plane, --on and --nit have a grid",
+                "{}: readings are written as .png or .csv, luminaires as .ies, .svg or .csv",
                 path.display()
             )));
+        }
+        let has_grid = !(lux_plane.is_empty() && nit.is_empty() && on.is_empty());
+        match extension.as_str() {
+            "ies" | "svg" if candela.is_empty() => {
+                return Err(CliError::Usage(format!("{}: nothing to write; that is for --candela", path.display())));
+            }
+            "png" | "csv" if !has_grid && (candela.is_empty() || extension == "png") => {
+                return Err(CliError::Usage(format!(
+                    "{}: nothing to write; only --lux-plane, --on and --nit have a grid",
+                    path.display()
+                )));
+            }
+            _ => {}
         }
         film::check_writable(path)?;
     }
     Ok(())
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
 /// Points along an edge: EN 12464-1 (2021, 4.4): p = 0.2 · 5^(log₁₀ d), d being the length of the edge, and at most 10 m.
@@ -306,7 +341,15 @@ fn check_points(option: &str, [columns, rows]: [u32; 2]) -> Result<(), CliError>
     Err(CliError::Usage(format!("{option}: {points} points are more than the {MOST_POINTS} that are read at once")))
 }
 
-/// The entity that is called so, or has that key.
+/// The entity that is called so, or has that key, whatever it is.
+fn node(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> {
+    // One with light or surface goes before its parents of the same name.
+    let by_name =
+        || scene.find(name).or_else(|| name.parse().ok().map(SceneKey).filter(|&k| scene.entity(k).is_some()));
+    entity(scene, args, name).or_else(|error| by_name().ok_or(error))
+}
+
+/// The entity that is called so, or has that key, and has a light or a surface.
 fn entity(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> {
     let with_light_or_surface = |key: &SceneKey| {
         scene.get::<wavecast::world::Geometry>(*key).is_some()
@@ -437,6 +480,9 @@ fn text(answers: &[Answer]) -> String {
                     .expect("a string takes it");
             }
         }
+        if let Some(field) = &answer.field {
+            text.push_str(&candela::text(field));
+        }
     }
     text
 }
@@ -468,12 +514,31 @@ fn as_json(answer: &Answer) -> Value {
         value["grid"] = json!(size);
         value["points"] = each.iter().map(reading_json).collect();
     }
+    if let Some(field) = &answer.field {
+        candela::json(field, &mut value);
+    }
     value
 }
 
 /// The last grid as a table or as a picture.
-fn write(path: &Path, answers: &[Answer]) -> Result<(), CliError> {
-    let with_grid = |answer: &&Answer| answer.extremes.is_some();
+fn write(path: &Path, args: &Args, answers: &[Answer]) -> Result<(), CliError> {
+    let fields = |answer: &'_ Answer| answer.field.is_some();
+    let luminaire = answers.iter().rev().find(|answer| fields(answer));
+    if let Some((answer, field)) = luminaire.and_then(|answer| Some((answer, answer.field.as_ref()?))) {
+        match extension(path).as_str() {
+            "ies" => return candela::write_ies(path, &args.scene.file, &answer.at, field),
+            "svg" => return candela::plot(path, &answer.at, field),
+            "csv" if answers.iter().all(|answer| fields(answer) || answer.extremes.is_none()) => {
+                let table = candela::table(field);
+                return Ok(film::write_file(path, |file| {
+                    use std::io::Write;
+                    file.write_all(table.as_bytes())
+                })?);
+            }
+            _ => {}
+        }
+    }
+    let with_grid = |answer: &&Answer| answer.extremes.is_some() && answer.field.is_none();
     let Some((answer, (size, each))) =
         answers.iter().rev().find(with_grid).and_then(|answer| Some((answer, answer.grid.as_ref()?)))
     else {

@@ -1,5 +1,6 @@
 //! How far a picture is from another, and the statistics that tests and error bars stand on.
 
+pub mod brdf;
 pub mod converged;
 pub mod far_field;
 pub mod flip;

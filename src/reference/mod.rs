@@ -21,7 +21,7 @@ mod trace;
 mod transport;
 
 pub use self::{
-    bsdf::Lobe,
+    bsdf::{Lobe, brdf},
     render::{ReferencePicture, ReferenceSettings, camera_ray, render, render_with},
     rng::Rng,
     trace::Tracer,

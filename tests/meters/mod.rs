@@ -1,5 +1,6 @@
 //! Light meters against closed forms, and intervals against what they promise.
 
+mod brdf;
 mod far_field;
 
 use std::f64::consts::PI;

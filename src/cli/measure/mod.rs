@@ -1,5 +1,6 @@
 //! `wavecast measure`: light meters in a scene.
 
+mod brdf;
 mod candela;
 
 use std::{
@@ -76,6 +77,9 @@ pub struct Args {
     /// [default: 5,15]
     #[arg(long, value_name = "GAMMA[,C]", value_parser = candela::steps, requires = "candela")]
     step: Option<candela::Steps>,
+    /// BRDF of an entity's material, 1/sr, without its textures, beside its formula; ENTITY:SLOT for one of several
+    #[arg(long, value_name = "ENTITY[:SLOT]")]
+    brdf: Vec<String>,
     /// Read until the 95 % interval is at most this share of the reading to either side [default: 1%, or none with --spp]
     #[arg(long, value_name = "ERROR", value_parser = args::error)]
     error: Option<f64>,
@@ -92,7 +96,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// The last grid or part of the picture in false colours with a legend (.png), or as a table (.csv); the last
-    /// luminaire for lighting programs (.ies), as a diagram (.svg) or as a table (.csv); may be given several times
+    /// luminaire for lighting programs (.ies); that or the last BRDF as a diagram (.svg) or as a table (.csv); may be
+    /// given several times
     #[arg(short, long = "output", value_name = "OUT")]
     output: Vec<PathBuf>,
 }
@@ -212,6 +217,10 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
         let key = node(&scene, args, name)?;
         answers.push(candela::read(args, name, key, &effort, &watcher)?);
     }
+    let mut brdfs = Vec::new();
+    for name in &args.brdf {
+        brdfs.push(brdf::read(args, &scene, name, &effort, &watcher)?);
+    }
     watcher.finish();
     for name in &args.lumen {
         let key = entity(&scene, args, name)?;
@@ -237,7 +246,11 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
         });
     }
     for path in &args.output {
-        write(path, args, &answers)?;
+        match (extension(path).as_str(), brdfs.last()) {
+            ("svg", Some(brdf)) => brdf.plot(path)?,
+            ("csv", Some(brdf)) if answers.iter().all(|answer| answer.extremes.is_none()) => brdf.write_table(path)?,
+            _ => write(path, args, &answers)?,
+        }
     }
     for answer in answers.iter().filter(|answer| answer.discarded > 0) {
         console.warn(format_args!("{} {}: {} samples were left out", answer.kind, answer.at, answer.discarded));
@@ -245,17 +258,24 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
     for answer in answers.iter().filter(|answer| !answer.reached) {
         console.warn(format_args!("{} {}: stopped before the error that was asked for", answer.kind, answer.at));
     }
-    console.result(&text(&answers), || json!({ "meters": answers.iter().map(as_json).collect::<Vec<_>>() }));
+    brdfs.iter().filter_map(|brdf| brdf.warning()).for_each(|warning| console.warn(warning));
+    let words = brdfs.iter().fold(text(&answers), |text, brdf| text + &brdf.text());
+    let all = || answers.iter().map(as_json).chain(brdfs.iter().map(|brdf| brdf.json())).collect::<Vec<_>>();
+    console.result(&words, || json!({ "meters": all() }));
     Ok(if interrupt::asked() { Outcome::Interrupted } else { Outcome::Done })
 }
 
 fn check(args: &Args) -> Result<(), CliError> {
-    let Args { lux, lux_plane, on, nit, lumen, candela, .. } = args;
+    let Args { lux, lux_plane, on, nit, lumen, candela, brdf, .. } = args;
     let none = lux.is_empty() && lux_plane.is_empty() && on.is_empty() && nit.is_empty();
-    if none && lumen.is_empty() && candela.is_empty() {
+    if none && lumen.is_empty() && candela.is_empty() && brdf.is_empty() {
         return Err(CliError::Usage(
-            "nothing to read: give --lux, --lux-plane, --on, --nit, --lumen or --candela".into(),
+            "nothing to read: give --lux, --lux-plane, --on, --nit, --lumen, --candela or --brdf".into(),
         ));
+    }
+    let of = |wanted: &str| args.output.iter().any(|path| extension(path) == wanted);
+    if of("svg") && !candela.is_empty() && !brdf.is_empty() {
+        return Err(CliError::Usage("an .svg is of --candela or of --brdf; give one of the two at a time".into()));
     }
     if let Some(pair) = lux.chunks_exact(2).find(|pair| pair[1].length() == 0.0) {
         return Err(CliError::Usage(format!("--lux {}: the normal has no length", text_of(pair[0]))));
@@ -273,10 +293,16 @@ fn check(args: &Args) -> Result<(), CliError> {
         }
         let has_grid = !(lux_plane.is_empty() && nit.is_empty() && on.is_empty());
         match extension.as_str() {
-            "ies" | "svg" if candela.is_empty() => {
+            "ies" if candela.is_empty() => {
                 return Err(CliError::Usage(format!("{}: nothing to write; that is for --candela", path.display())));
             }
-            "png" | "csv" if !has_grid && (candela.is_empty() || extension == "png") => {
+            "svg" if candela.is_empty() && brdf.is_empty() => {
+                return Err(CliError::Usage(format!(
+                    "{}: nothing to write; that is for --candela and --brdf",
+                    path.display()
+                )));
+            }
+            "png" | "csv" if !has_grid && (extension == "png" || candela.is_empty() && brdf.is_empty()) => {
                 return Err(CliError::Usage(format!(
                     "{}: nothing to write; only --lux-plane, --on and --nit have a grid",
                     path.display()

@@ -5,6 +5,7 @@ pub mod converged;
 pub mod far_field;
 pub mod flip;
 pub mod flux;
+pub mod glare;
 pub mod heat;
 pub mod meter;
 pub mod metrics;

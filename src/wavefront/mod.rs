@@ -69,6 +69,7 @@ use std::sync::Arc;
 pub use self::{
     aim::{Aim, Beam, Place, add_unseen},
     coverage::SceneCoverage,
+    emit::emitted,
     one_path::render_one_path,
     queues::BYTES_PER_PATH,
     schedule::{render, render_aimed},

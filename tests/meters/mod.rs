@@ -2,6 +2,7 @@
 
 mod brdf;
 mod far_field;
+mod glare;
 
 use std::f64::consts::PI;
 

@@ -2,6 +2,7 @@
 
 mod brdf;
 mod candela;
+mod glare;
 
 use std::{
     fmt::Write as _,
@@ -80,6 +81,9 @@ pub struct Args {
     /// BRDF of an entity's material, 1/sr, without its textures, beside its formula; ENTITY:SLOT for one of several
     #[arg(long, value_name = "ENTITY[:SLOT]")]
     brdf: Vec<String>,
+    /// Glare of lamps at the camera, as Unified Glare Rating (CIE 117)
+    #[arg(long)]
+    glare: bool,
     /// Read until the 95 % interval is at most this share of the reading to either side [default: 1%, or none with --spp]
     #[arg(long, value_name = "ERROR", value_parser = args::error)]
     error: Option<f64>,
@@ -221,6 +225,7 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
     for name in &args.brdf {
         brdfs.push(brdf::read(args, &scene, name, &effort, &watcher)?);
     }
+    let rated = args.glare.then(|| glare::read(&scene, &renderer, &effort, &watcher));
     watcher.finish();
     for name in &args.lumen {
         let key = entity(&scene, args, name)?;
@@ -259,8 +264,11 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
         console.warn(format_args!("{} {}: stopped before the error that was asked for", answer.kind, answer.at));
     }
     brdfs.iter().filter_map(|brdf| brdf.warning()).for_each(|warning| console.warn(warning));
-    let words = brdfs.iter().fold(text(&answers), |text, brdf| text + &brdf.text());
-    let all = || answers.iter().map(as_json).chain(brdfs.iter().map(|brdf| brdf.json())).collect::<Vec<_>>();
+    rated.iter().flat_map(|rated| rated.warnings()).for_each(|warning| console.warn(warning));
+    let mut words = brdfs.iter().fold(text(&answers), |text, brdf| text + &brdf.text());
+    rated.iter().for_each(|rated| words.push_str(&rated.text()));
+    let more = || brdfs.iter().map(|brdf| brdf.json()).chain(rated.iter().map(|rated| rated.json()));
+    let all = || answers.iter().map(as_json).chain(more()).collect::<Vec<_>>();
     console.result(&words, || json!({ "meters": all() }));
     Ok(if interrupt::asked() { Outcome::Interrupted } else { Outcome::Done })
 }
@@ -268,9 +276,9 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
 fn check(args: &Args) -> Result<(), CliError> {
     let Args { lux, lux_plane, on, nit, lumen, candela, brdf, .. } = args;
     let none = lux.is_empty() && lux_plane.is_empty() && on.is_empty() && nit.is_empty();
-    if none && lumen.is_empty() && candela.is_empty() && brdf.is_empty() {
+    if none && lumen.is_empty() && candela.is_empty() && brdf.is_empty() && !args.glare {
         return Err(CliError::Usage(
-            "nothing to read: give --lux, --lux-plane, --on, --nit, --lumen, --candela or --brdf".into(),
+            "nothing to read: give --lux, --lux-plane, --on, --nit, --lumen, --candela, --brdf or --glare".into(),
         ));
     }
     let of = |wanted: &str| args.output.iter().any(|path| extension(path) == wanted);

@@ -1,5 +1,6 @@
 //! `wavecast measure`: light meters in a scene.
 
+mod bake;
 mod brdf;
 mod candela;
 mod glare;
@@ -62,6 +63,10 @@ pub struct Args {
     /// Illuminance on the front of an entity's surface, lx: least, mean and greatest over points spread evenly over it
     #[arg(long, value_name = "ENTITY")]
     on: Vec<String>,
+    /// Texels of a picture over the texture coordinates of --on, each with the illuminance there: in lx (.exr) or false
+    /// colours (.png); 1024 samples each, or --spp
+    #[arg(long, value_name = "WxH", value_parser = args::size, requires = "on")]
+    bake: Option<Size>,
     /// Luminance of a pixel, or of a part of the picture and its mean, nit
     #[arg(long, value_name = "X,Y[,W,H]", value_parser = region)]
     nit: Vec<[u32; 4]>,
@@ -100,6 +105,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// The last grid or part of the picture in false colours with a legend (.png), or as a table (.csv); the last
+    /// baked surface (.exr, .png); the last
     /// luminaire for lighting programs (.ies); that or the last BRDF as a diagram (.svg) or as a table (.csv); may be
     /// given several times
     #[arg(short, long = "output", value_name = "OUT")]
@@ -156,6 +162,8 @@ struct Answer {
     grid: Option<([u32; 2], Vec<Reading>)>,
     /// The same as directions.
     field: Option<FarField>,
+    /// The same by texels.
+    baked: Option<bake::Baked>,
 }
 
 impl Answer {
@@ -173,6 +181,7 @@ impl Answer {
             discarded,
             grid: Some(([each.len() as u32, 1], each)),
             field: None,
+            baked: None,
         }
     }
 
@@ -248,6 +257,7 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
             discarded: 0,
             grid: None,
             field: None,
+            baked: None,
         });
     }
     for path in &args.output {
@@ -263,6 +273,8 @@ pub fn run(args: &Args, common: &Common, console: &mut Console) -> Result<Outcom
     for answer in answers.iter().filter(|answer| !answer.reached) {
         console.warn(format_args!("{} {}: stopped before the error that was asked for", answer.kind, answer.at));
     }
+    let baked = answers.iter().filter_map(|answer| answer.baked.as_ref());
+    baked.flat_map(|baked| baked.warnings()).for_each(|warning| console.warn(warning));
     brdfs.iter().filter_map(|brdf| brdf.warning()).for_each(|warning| console.warn(warning));
     rated.iter().flat_map(|rated| rated.warnings()).for_each(|warning| console.warn(warning));
     let mut words = brdfs.iter().fold(text(&answers), |text, brdf| text + &brdf.text());
@@ -293,7 +305,7 @@ fn check(args: &Args) -> Result<(), CliError> {
     }
     for path in &args.output {
         let extension = extension(path);
-        if !["png", "csv", "ies", "svg"].contains(&extension.as_str()) {
+        if !["png", "csv", "ies", "svg", "exr"].contains(&extension.as_str()) {
             return Err(CliError::Usage(format!(
                 "{}: readings are written as .png or .csv, luminaires as .ies, .svg or .csv",
                 path.display()
@@ -303,6 +315,9 @@ fn check(args: &Args) -> Result<(), CliError> {
         match extension.as_str() {
             "ies" if candela.is_empty() => {
                 return Err(CliError::Usage(format!("{}: nothing to write; that is for --candela", path.display())));
+            }
+            "exr" if args.bake.is_none() => {
+                return Err(CliError::Usage(format!("{}: nothing to write; that is for --bake", path.display())));
             }
             "svg" if candela.is_empty() && brdf.is_empty() => {
                 return Err(CliError::Usage(format!(
@@ -452,8 +467,12 @@ fn on_entity(
         text_of(a + (b - a) * f64::from(b1) + (c - a) * f64::from(b2))
     };
     let readings = read(flat, &Meters::On(instance as u32, places.clone()), effort, watcher);
-    let name = format!("{name}, {POINTS_ON} points on {total:.4} m²");
-    Ok(Answer::new("on", name, "lx", readings).over([POINTS_ON as u32, 1], at))
+    let at_name = format!("{name}, {POINTS_ON} points on {total:.4} m²");
+    let mut answer = Answer::new("on", at_name, "lx", readings).over([POINTS_ON as u32, 1], at);
+    if let Some(Size(size)) = args.bake {
+        answer.baked = Some(bake::bake(flat, instance, name, size, effort, watcher)?);
+    }
+    Ok(answer)
 }
 
 fn of_region(
@@ -517,6 +536,14 @@ fn text(answers: &[Answer]) -> String {
         if let Some(field) = &answer.field {
             text.push_str(&candela::text(field));
         }
+        if let Some(bake::Baked { covered, error, samples, seconds, .. }) = &answer.baked {
+            let share = 100.0 * error;
+            writeln!(
+                text,
+                "  baked: {covered} texels, {samples} samples each, ± {share:.2} % of the mean, {seconds:.2} s"
+            )
+            .expect("a string takes it");
+        }
     }
     text
 }
@@ -551,6 +578,9 @@ fn as_json(answer: &Answer) -> Value {
     if let Some(field) = &answer.field {
         candela::json(field, &mut value);
     }
+    if let Some(bake::Baked { covered, error, samples, seconds, .. }) = &answer.baked {
+        value["baked"] = json!({ "texels": covered, "samples": samples, "error": error, "seconds": seconds });
+    }
     value
 }
 
@@ -571,6 +601,10 @@ fn write(path: &Path, args: &Args, answers: &[Answer]) -> Result<(), CliError> {
             }
             _ => {}
         }
+    }
+    let baked = answers.iter().rev().find_map(|answer| Some((answer, answer.baked.as_ref()?)));
+    if let Some((answer, baked)) = baked.filter(|_| ["exr", "png"].contains(&extension(path).as_str())) {
+        return baked.write(path, &answer.at);
     }
     let with_grid = |answer: &&Answer| answer.extremes.is_some() && answer.field.is_none();
     let Some((answer, (size, each))) =

@@ -22,7 +22,7 @@ mod transport;
 
 pub use self::{
     bsdf::{Lobe, brdf},
-    render::{ReferencePicture, ReferenceSettings, camera_ray, render, render_with},
+    render::{ReferencePicture, ReferenceSettings, Technique, camera_ray, render, render_with},
     rng::Rng,
     trace::Tracer,
     transport::{Transport, TransportError, TransportSettings},

@@ -32,6 +32,21 @@ pub struct ReferenceSettings {
     pub transparent: bool,
     /// The only lobe that scatters at the first surface, at the second and so on; behind these all do.
     pub lobes: Vec<Lobe>,
+    /// How lights are found.
+    pub technique: Technique,
+}
+
+/// How lights are found that can be found in two ways. All have the same expected value; lamps without extent can only be looked for,
+/// and what mirrors show can only be met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Technique {
+    /// Both ways, each weighted where it is better (multiple importance sampling; Veach, Guibas 1995).
+    #[default]
+    Both,
+    /// By looking for them: directions are drawn by the light.
+    Lights,
+    /// By meeting them: directions are drawn by the BSDF.
+    Bsdf,
 }
 
 impl Default for ReferenceSettings {
@@ -46,6 +61,7 @@ impl Default for ReferenceSettings {
             terminator_fix: true,
             transparent: false,
             lobes: Vec::new(),
+            technique: Technique::default(),
         }
     }
 }

@@ -5,7 +5,7 @@ mod whitted;
 use glam::DVec3;
 
 use super::{
-    ReferenceSettings,
+    ReferenceSettings, Technique,
     bsdf::{self, BsdfSample, Lobe},
     geometry::{Bvh, Hit, Ray, world_triangles},
     lights::{Light, LightTable},
@@ -26,6 +26,7 @@ pub struct Tracer<'a> {
     least_lift: f64,
     transparent: bool,
     lobes: Vec<Lobe>,
+    technique: Technique,
     /// Rays leave a surface this far from it, m: above the rounding of f64, below any detail.
     offset: f64,
 }
@@ -43,10 +44,12 @@ enum Arrival {
 impl Arrival {
     /// Weight of finding light this way rather than by looking for it with density `pdf`
     /// (power heuristic; Veach, Guibas 1995, "Optimally Combining Sampling Techniques", section 3.4).
-    fn weight(self, pdf: f64) -> f64 {
-        match self {
-            Self::Camera | Self::Delta => 1.0,
-            Self::Scattered(own) => power_heuristic(own, pdf),
+    fn weight(self, pdf: f64, technique: Technique) -> f64 {
+        match (self, technique) {
+            (Self::Camera | Self::Delta, _) | (_, Technique::Bsdf) => 1.0,
+            (Self::Scattered(own), Technique::Both) => power_heuristic(own, pdf),
+            // What cannot be looked for is met all the same.
+            (_, Technique::Lights) => f64::from(u8::from(pdf == 0.0)),
         }
     }
 }
@@ -101,6 +104,7 @@ impl<'a> Tracer<'a> {
             least_lift: if settings.terminator_fix { 1e-8 * scale } else { f64::INFINITY },
             transparent: settings.transparent,
             lobes: settings.lobes.clone(),
+            technique: settings.technique,
             offset: 1e-9 * scale,
             bvh,
             shapes,
@@ -118,13 +122,13 @@ impl<'a> Tracer<'a> {
         let wo = -path.ray.direction;
         let Some(hit) = self.meet(&path.ray, rng) else {
             let hidden = self.transparent && matches!(path.arrival, Arrival::Camera);
-            let weight = path.arrival.weight(self.lights.sky_pdf(-wo));
+            let weight = path.arrival.weight(self.lights.sky_pdf(-wo), self.technique);
             return if hidden { DVec3::ZERO } else { weight * self.lights.sky(-wo) };
         };
         let place = self.place(&hit);
         let transmittance = self.transmittance(path.inside, &place, wo, hit.t());
         let found = self.found_pdf(&hit, wo);
-        let emitted = path.arrival.weight(found) * place.emission(wo);
+        let emitted = path.arrival.weight(found, self.technique) * place.emission(wo);
         if place.is_unlit() || path.depth >= self.max_depth {
             return transmittance * emitted;
         }
@@ -165,7 +169,7 @@ impl<'a> Tracer<'a> {
                     let there = self.place(&hit);
                     let pdf = self.found_pdf(&hit, wi);
                     let emitted = self.transmittance(inside, &there, -wi, hit.t()) * there.emission(-wi);
-                    f * emitted * power_heuristic(pdf, scattered) / pdf
+                    f * emitted * self.looked_for(pdf, scattered) / pdf
                 }
                 _ => DVec3::ZERO,
             },
@@ -179,7 +183,7 @@ impl<'a> Tracer<'a> {
             Light::Distant(row) => f * self.lights.distant(row).1 / probability,
             Light::Map => {
                 let pdf = self.lights.sky_pdf(wi);
-                f * self.lights.sky(wi) * power_heuristic(pdf, scattered) / pdf
+                f * self.lights.sky(wi) * self.looked_for(pdf, scattered) / pdf
             }
         }
     }
@@ -214,6 +218,15 @@ impl<'a> Tracer<'a> {
             throughput: throughput / survival,
         };
         weight / survival * self.incident(next, rng)
+    }
+
+    /// Weight of looking for a light with density `pdf` rather than meeting it with density `scattered`.
+    fn looked_for(&self, pdf: f64, scattered: f64) -> f64 {
+        match self.technique {
+            Technique::Both => power_heuristic(pdf, scattered),
+            Technique::Lights => 1.0,
+            Technique::Bsdf => 0.0,
+        }
     }
 
     /// The only lobe that scatters a path, if it is but one.

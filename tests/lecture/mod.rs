@@ -2,16 +2,18 @@
 
 use glam::DVec3;
 use wavecast::{
+    film::LayerData,
     measure::{
         flux::flux,
         meter::{Effort, Meters, Reading, read},
         student::Estimate,
     },
-    render::{Integrator, RenderSettings, Renderer},
-    world::{PointLight, Scene},
+    reference::{self, ReferenceSettings, Technique},
+    render::{Integrator, LayerKind, PixelFilter, RenderSettings, Renderer},
+    world::{Name, PointLight, Scene, SceneKey},
 };
 
-use crate::common::{load_scene, mean, root, settings};
+use crate::common::{load_scene, mean, root, settings, trials::scaled};
 
 fn tables(file: &str) -> (Scene, Renderer) {
     let mut scene = load_scene(&root().join("scenes").join(file));
@@ -128,4 +130,58 @@ fn what_the_classic_integrators_leave_out() {
         println!("{file}: direct {got_direct:.1} %, Whitted {got_whitted:.1} %");
         assert!((got_direct - direct).abs() < 3.0 && (got_whitted - whitted).abs() < 3.0, "{file}");
     }
+}
+
+/// Veach's plates: looking for lamps, meeting them and both have one mean; looking fails where plates are smooth and lamps large, meeting
+/// where plates are rough and lamps small, and both together are nowhere much worse than the better one.
+#[test]
+fn both_techniques_together_are_nearly_as_good_as_the_better_one() {
+    let (scene, renderer) = tables("plates.gltf");
+    let flat = renderer.scene();
+    let (width, height) = (60, 40);
+    let spp = scaled(256);
+    let [lights, bsdf, both] = [Technique::Lights, Technique::Bsdf, Technique::Both].map(|technique| {
+        let settings = ReferenceSettings {
+            width,
+            height,
+            spp,
+            technique,
+            filter: PixelFilter::Box,
+            ..ReferenceSettings::default()
+        };
+        reference::render(flat, &settings)
+    });
+    let layers = vec![LayerKind::EntityId];
+    let first = RenderSettings { width, height, spp: Some(1), layers, filter: PixelFilter::Box, ..settings(1, 1) };
+    let seen = match renderer.render(&first, &()).picture.layers.remove(0).data {
+        LayerData::Id(rows) => rows,
+        other => panic!("{other:?}"),
+    };
+    // Mean and variance of a sample over all that shows an entity.
+    let of = |picture: &reference::ReferencePicture, name: &str| {
+        let shows = |row: u32| {
+            let key = row.checked_sub(1).map(|row| SceneKey(flat.instances.key[row as usize]));
+            key.and_then(|key| scene.get::<Name>(key)).is_some_and(|of| &*of.0 == name)
+        };
+        let pixels: Vec<usize> = (0..seen.len()).filter(|&pixel| shows(seen[pixel])).collect();
+        assert!(pixels.len() > 50, "{name}");
+        let sum = |values: &[glam::DVec3]| pixels.iter().map(|&i| values[i].element_sum() / 3.0).sum::<f64>();
+        let (mean, variance) = (sum(&picture.rgb), sum(&picture.variance));
+        Estimate { value: mean, variance, dof: f64::from(spp) }
+    };
+    for name in ["plate, alpha 0.02", "plate, alpha 0.045", "plate, alpha 0.1", "floor"] {
+        let [lights, bsdf, both] = [&lights, &bsdf, &both].map(|picture| of(picture, name));
+        println!("{name}: {:.2e} {:.2e} {:.2e}", lights.variance, bsdf.variance, both.variance);
+        for (what, one) in [("lights", lights), ("BSDF", bsdf)] {
+            let off = one.minus(both);
+            assert!(off.value.abs() < 5.0 * off.variance.sqrt(), "{name} {what}: {off:?}");
+        }
+        assert!(both.variance < 1.2 * lights.variance.min(bsdf.variance), "{name}");
+        if name.ends_with("0.1") {
+            assert!(lights.variance < 0.2 * bsdf.variance, "lamps are found by looking for them on {name}");
+        }
+    }
+    // The second smoothest is the other way round, by rare samples of very great weight.
+    let [lights, bsdf] = [&lights, &bsdf].map(|picture| of(picture, "plate, alpha 0.008"));
+    assert!(bsdf.variance < 0.7 * lights.variance, "{lights:?} {bsdf:?}");
 }

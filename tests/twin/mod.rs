@@ -67,7 +67,7 @@ fn by_reference(flat: &FlatScene, settings: &RenderSettings, spp: u32) -> Estima
         filter: settings.filter,
         terminator_fix: settings.terminator_fix,
         transparent: settings.transparent,
-        lobes: Vec::new(),
+        ..ReferenceSettings::default()
     };
     let picture = reference::render(flat, &settings);
     let rows = |values: &[DVec3]| values.iter().map(|v| v.to_array()).collect();

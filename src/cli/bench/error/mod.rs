@@ -6,6 +6,7 @@
 //! of every scene and number of samples, so that a machine that gets slower or faster does so to all.
 
 mod compare;
+mod explain;
 mod measured;
 mod plot;
 mod reference;
@@ -85,6 +86,10 @@ pub struct ErrorArgs {
     /// error: samples per pixel of a reference, in place of a time
     #[arg(long, value_name = "N", conflicts_with = "reference_time", value_parser = clap::value_parser!(u32).range(1..))]
     reference_spp: Option<u32>,
+    /// error: explain instead what Monte Carlo integration does with a scene: variance by the way in which lights are found,
+    /// error by number of samples, and how estimates of a pixel spread [default: --size 120x80 --spp 256]
+    #[arg(long, conflicts_with_all = ["compare", "measured"])]
+    explain: bool,
     /// error: say what became better or worse since this error.csv of another build, and exit with code 1 if a scene lost
     /// efficiency beyond the noise. How fast the machine was is part of both tables: see --rounds for one that is shared
     #[arg(long, value_name = "OLD.csv", num_args = 1..)]
@@ -120,6 +125,9 @@ struct Prepared {
 /// Measures, or reads what was measured, compares, and reports.
 pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
     let error = &args.error;
+    if error.explain {
+        return explain::run(args, console);
+    }
     if args.scenes.is_empty() && error.measured.is_empty() {
         return Err(CliError::Usage("bench error needs a SCENE, or --measured with --compare".into()));
     }

@@ -8,9 +8,10 @@ use std::{
 
 use wavecast::{
     flat::{CameraView, FlatScene},
+    glam::DVec3,
     load::{self, CameraInfo, LoadOptions},
     render::Renderer,
-    world::{Camera, Environment, Name, Scene, SceneKey, Sky},
+    world::{Camera, Environment, LocalTransform, Name, Scene, SceneKey, Sky},
 };
 
 use super::{
@@ -25,6 +26,36 @@ pub const DEFAULT_WIDTH: u32 = 1280;
 /// Shape of a picture where neither the user nor the camera says.
 const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 
+/// Vertical field of view from a place that was given, rad.
+const VIEW: f32 = 1.0;
+
+/// From where to look, where the camera of the scene is not wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    eye: DVec3,
+    target: DVec3,
+}
+
+impl View {
+    /// Puts a camera there, and makes it the scene's.
+    pub fn take(self, scene: &mut Scene) {
+        let pose = LocalTransform::looking_at(self.eye, self.target, DVec3::Y);
+        scene.active_camera = Some(scene.spawn((Camera::perspective(VIEW), pose)));
+    }
+}
+
+/// Six numbers: the eye and a point that it looks at, m.
+pub fn view(text: &str) -> Result<View, String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(args::finite).collect();
+    let point = |p: &[f32]| DVec3::new(p[0].into(), p[1].into(), p[2].into());
+    match numbers.as_deref() {
+        Ok(all @ [_, _, _, _, _, _]) if all[..3] != all[3..] => {
+            Ok(View { eye: point(&all[..3]), target: point(&all[3..]) })
+        }
+        _ => Err("expected two points, such as 0,1,0,1,1,0: the eye and what it looks at".into()),
+    }
+}
+
 /// Which scene, and by what light and with what eyes it is seen.
 #[derive(clap::Args, Clone, Debug)]
 pub struct SceneArgs {
@@ -34,6 +65,9 @@ pub struct SceneArgs {
     /// Camera by name or index [default: the first one; none: one that frames the scene]
     #[arg(long, value_name = "NAME|INDEX")]
     pub camera: Option<String>,
+    /// Look from one point to another, in metres, instead
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = view, allow_hyphen_values = true, conflicts_with = "camera")]
+    pub view: Option<View>,
     /// Scene by name or index [default: the file's]
     #[arg(id = "scene", long = "scene", value_name = "NAME|INDEX")]
     pub name: Option<String>,
@@ -77,7 +111,10 @@ impl SceneArgs {
             let (rotation, scale) = (self.env_rotate.unwrap_or(0.0), self.env_scale.unwrap_or(1.0));
             set_environment(&mut scene, env, rotation, scale, console)?;
         }
-        self.choose_camera(&mut scene, &std::mem::take(&mut loaded.info.cameras), console)?;
+        match self.view {
+            Some(view) => view.take(&mut scene),
+            None => self.choose_camera(&mut scene, &std::mem::take(&mut loaded.info.cameras), console)?,
+        }
         let load_time = start.elapsed();
         let mut renderer = Renderer::new();
         renderer.accel = accel;
@@ -115,6 +152,7 @@ impl SceneArgs {
         let mut add = |key: &str, value: Option<String>| pairs.extend(value.map(|value| (key.to_owned(), value)));
         add("scene-name", self.name.clone());
         add("camera", self.camera.clone());
+        add("view", self.view.map(|View { eye, target }| format!("{eye} {target}")));
         add(
             "env",
             self.env.as_ref().map(|env| match env {
@@ -217,6 +255,21 @@ mod tests {
     fn parse(line: &str) -> SceneArgs {
         let words = ["wavecast", "a.glb"].into_iter().chain(line.split_whitespace());
         Line::try_parse_from(words).unwrap_or_else(|error| panic!("{line}: {error}")).scene
+    }
+
+    #[test]
+    fn views_are_two_points() {
+        assert_eq!(view("0,1,0,1,1,0"), Ok(View { eye: DVec3::Y, target: DVec3::new(1.0, 1.0, 0.0) }));
+        for text in ["", "0,1,0", "0,1,0,0,1,0", "0,1,0,1,1,x"] {
+            assert!(view(text).is_err(), "{text}");
+        }
+        assert!(Line::try_parse_from("wavecast a.glb --view 0,1,0,1,1,0 --camera 0".split(' ')).is_err());
+        let mut scene = Scene::new();
+        parse("--view 0,1,0,0,-1,0").view.expect("it is given").take(&mut scene);
+        let mut renderer = Renderer::new();
+        renderer.sync(&mut scene);
+        // Straight down, which has no up.
+        assert!((renderer.scene().camera.forward + DVec3::Y).length() < 1e-9 && renderer.scene().camera.up.is_finite());
     }
 
     #[test]

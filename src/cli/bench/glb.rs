@@ -251,10 +251,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::cli::bench::{
-        rays::world_triangles,
-        subject::{self, Formula},
-    };
+    use crate::cli::bench::{rays::world_triangles, subject::Formula};
 
     /// What is read from the file are the same triangles, and their picture has the same light.
     #[test]
@@ -296,7 +293,7 @@ mod tests {
         let read = |path: &Path| load::load(path, &LoadOptions::default()).unwrap();
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/gallery.glb");
         let (mut original, to) = (read(&from), folder.path().join("copy.glb"));
-        subject::view("1,2,3,4,5,7").unwrap().take(&mut original.scene);
+        crate::cli::scene::view("1,2,3,4,5,7").unwrap().take(&mut original.scene);
         copy(&from, &original.scene, &to).unwrap();
         let mut copied = read(&to);
         assert_eq!(copied.info.cameras.len(), original.info.cameras.len() + 1);

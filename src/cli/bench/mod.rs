@@ -22,15 +22,13 @@ mod wavefront;
 
 use std::{num::NonZeroUsize, path::PathBuf};
 
-use self::{
-    draw::Slice,
-    subject::{Source, View},
-};
+use self::{draw::Slice, subject::Source};
 use super::{
     Outcome,
     args::{self, EnvArg, Size},
     console::Console,
     error::CliError,
+    scene::{self, View},
     structure::QualityArg,
 };
 
@@ -54,7 +52,7 @@ pub struct Args {
     #[arg(value_name = "SCENE", required_if_eq_any([("what", "accel"), ("what", "wavefront")]), value_parser = subject::source)]
     scenes: Vec<Source>,
     /// Look from one point to another, in metres, and not through the scene's camera
-    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = subject::view, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = scene::view, allow_hyphen_values = true)]
     view: Option<View>,
     /// Folder for tables (CSV, Markdown) and plots (SVG); made if it is not there
     #[arg(short, long, value_name = "DIR")]

@@ -4,17 +4,16 @@ use std::{fmt, path::PathBuf};
 
 use wavecast::{
     flat::CameraView,
-    glam::DVec3,
     load::{self, LoadOptions},
     render::Renderer,
     world::{
-        Camera, LocalTransform, Scene,
+        Scene,
         generated::{self, FOLIAGE, HALL},
     },
 };
 
 use super::rays::{Corners, world_triangles};
-use crate::cli::{args, console::Console, error::CliError};
+use crate::cli::{console::Console, error::CliError, scene::View};
 
 /// Fewest triangles of a scene made by formula: fewer do not show what it is.
 pub const FEWEST: f64 = 1e3;
@@ -92,36 +91,6 @@ impl Source {
     }
 }
 
-/// Vertical field of view from a place that was given, rad.
-const VIEW: f32 = 1.0;
-
-/// From where to look, where the camera of the scene is not wanted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    eye: DVec3,
-    target: DVec3,
-}
-
-impl View {
-    /// Puts a camera there, and makes it the scene's.
-    pub fn take(self, scene: &mut Scene) {
-        let pose = LocalTransform::looking_at(self.eye, self.target, DVec3::Y);
-        scene.active_camera = Some(scene.spawn((Camera::perspective(VIEW), pose)));
-    }
-}
-
-/// Six numbers: the eye and a point that it looks at, m.
-pub fn view(text: &str) -> Result<View, String> {
-    let numbers: Result<Vec<f32>, _> = text.split(',').map(args::finite).collect();
-    let point = |p: &[f32]| DVec3::new(p[0].into(), p[1].into(), p[2].into());
-    match numbers.as_deref() {
-        Ok(all @ [_, _, _, _, _, _]) if all[..3] != all[3..] => {
-            Ok(View { eye: point(&all[..3]), target: point(&all[3..]) })
-        }
-        _ => Err("expected two points, such as 0,1,0,1,1,0: the eye and what it looks at".into()),
-    }
-}
-
 /// A scene as rays see it.
 pub struct Subject {
     /// As tables call it.
@@ -163,10 +132,6 @@ mod tests {
         assert_eq!(source("halls.glb"), Ok(Source::File("halls.glb".into())));
         for text in ["hall:", "hall:many", "hall:10", "foliage:1e9", "hall:nan"] {
             assert!(source(text).is_err(), "{text}");
-        }
-        assert_eq!(view("0,1,0,1,1,0"), Ok(View { eye: DVec3::Y, target: DVec3::new(1.0, 1.0, 0.0) }));
-        for text in ["", "0,1,0", "0,1,0,0,1,0", "0,1,0,1,1,x"] {
-            assert!(view(text).is_err(), "{text}");
         }
         assert_eq!(Subject::file_name("../scenes/a b.glb"), "a-b-glb");
     }

@@ -4,13 +4,16 @@ use glam::DVec3;
 use wavecast::{
     film::LayerData,
     measure::{
+        brdf::brdf,
+        far_field::far_field,
         flux::flux,
+        glare::glare,
         meter::{Effort, Meters, Reading, read},
         student::Estimate,
     },
     reference::{self, ReferenceSettings, Technique},
-    render::{Integrator, LayerKind, PixelFilter, RenderSettings, Renderer},
-    world::{Name, PointLight, Scene, SceneKey},
+    render::{Integrator, LayerKind, PixelFilter, RenderSettings, Renderer, SamplerKind, Sharing},
+    world::{Geometry, Material, MaterialSlots, Name, PointLight, Scene, SceneKey},
 };
 
 use crate::common::{load_scene, mean, root, settings, trials::scaled};
@@ -26,6 +29,13 @@ fn tables(file: &str) -> (Scene, Renderer) {
 fn lux(renderer: &Renderer, p: DVec3, n: DVec3, max_depth: Option<u32>, samples: u64) -> Reading {
     let effort = Effort { error: None, samples: Some(samples), max_depth, ..Effort::default() };
     read(renderer.scene(), &Meters::Planes(vec![(p, n)]), &effort, &()).mean
+}
+
+/// What is shown under a name.
+#[track_caller]
+fn shown(scene: &Scene, name: &str) -> SceneKey {
+    let has_it = |key: &SceneKey| scene.get::<Name>(*key).is_some_and(|of| &*of.0 == name);
+    scene.keys_with::<Geometry>().into_iter().find(has_it).expect("it is there")
 }
 
 #[track_caller]
@@ -184,4 +194,68 @@ fn both_techniques_together_are_nearly_as_good_as_the_better_one() {
     // The second smoothest is the other way round, by rare samples of very great weight.
     let [lights, bsdf] = [&lights, &bsdf].map(|picture| of(picture, "plate, alpha 0.008"));
     assert!(bsdf.variance < 0.7 * lights.variance, "{lights:?} {bsdf:?}");
+}
+
+/// The Cornell box's lamp is Lambertian: L A downwards, the cosine of it elsewhere, π L A in all; and its glare at the camera.
+#[test]
+fn the_lamp_of_the_cornell_box_by_direction_and_as_glare() {
+    let (mut scene, renderer) = tables("cornell.gltf");
+    let flat = renderer.scene();
+    let camera = flat.camera;
+    let samples = Effort { error: None, samples: Some(1 << 18), ..Effort::default() };
+    let rated = glare(flat, camera.origin, camera.forward, camera.up, &samples, &());
+    println!("UGR {} {:?}", rated.ugr, rated.interval);
+    assert!((rated.ugr - 7.6).abs() < 0.05, "{rated:?}");
+    let lamp = shown(&scene, "light");
+    let lumens = flux(flat, lamp.0).expect("it is a light").value.value;
+    check("lm", lumens, 1.208);
+    scene.keep_only(lamp);
+    let mut alone = Renderer::new();
+    alone.sync(&mut scene);
+    let effort = Effort { error: None, samples: Some(1 << 17), ..Effort::default() };
+    let field = far_field(alone.scene(), 12, 4, &effort, &()).expect("it has an end");
+    for (row, want) in [(0, 0.3845), (4, 0.5 * 0.3845)] {
+        let got = field.intensity[row].value;
+        println!("{} cd ± {}, {want}", got.value, got.variance.sqrt());
+        assert!((got.value - want).abs() < 4.0 * got.variance.sqrt() + 1e-4 && got.variance.sqrt() < 2e-3, "{got:?}");
+    }
+    let [from, to] = field.flux().interval(0.999);
+    assert!((from..to).contains(&lumens) && to - from < 0.02, "{from} {to}");
+}
+
+/// What the roughest of Veach's plates sends on in the mirror direction.
+#[test]
+fn the_brdf_of_a_plate() {
+    let (scene, _) = tables("plates.gltf");
+    let slots: MaterialSlots = scene.get(shown(&scene, "plate, alpha 0.1")).expect("it has materials");
+    let material: Material = scene.get(slots.0[0]).expect("it is one");
+    let effort = Effort { error: None, samples: Some(16), ..Effort::default() };
+    let mirrored = brdf(&material, 30.0, &[30.0], &effort, &())[0];
+    check("1/sr", mirrored.measured.value.value, 10.592);
+    check("by the formula", mirrored.expected(), 10.592);
+}
+
+/// Error by independent numbers falls with the square root of their number; by scrambled Sobol points in the Cornell box almost with
+/// the number itself.
+#[test]
+fn error_falls_faster_by_numbers_that_are_drawn_evenly() {
+    let (_, renderer) = tables("cornell.gltf");
+    let picture = |sampler, spp, seed| {
+        let settings = RenderSettings { sampler, seed, sharing: Sharing::Off, ..settings(32, spp) };
+        renderer.render(&settings, &()).picture.rgb
+    };
+    let truth = picture(SamplerKind::Sobol, 8192, 1 << 40);
+    let error = |sampler, spp| {
+        let of_seed = |seed| {
+            let got = picture(sampler, spp, seed);
+            let squares = got.iter().zip(&truth).flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c] - b[c]).powi(2)));
+            squares.sum::<f64>()
+        };
+        (0..4).map(of_seed).sum::<f64>().sqrt()
+    };
+    for (sampler, want) in [(SamplerKind::Independent, -0.50), (SamplerKind::Sobol, -0.84)] {
+        let slope = (error(sampler, 256) / error(sampler, 4)).ln() / 64_f64.ln();
+        println!("{sampler:?}: slope {slope:.3}");
+        assert!((slope - want).abs() < 0.08, "{sampler:?}: {slope}, {want}");
+    }
 }

@@ -123,6 +123,11 @@ pub fn brdf(
     views.iter().map(one).collect()
 }
 
+/// The formula alone, as luminance, 1/sr: angles as for [`brdf`].
+pub fn formula(material: &Material, incident_degrees: f64, view_degrees: f64) -> f64 {
+    luminance(reference::brdf(material, at(view_degrees), at(-incident_degrees)).to_array())
+}
+
 /// Share of even light from all sides that a material sends into a direction at an angle to the normal, degrees: at most 1 if energy
 /// is kept. What comes through it counts as well; out of a solid it is less by the square of its index, as rays spread there.
 pub fn albedo(material: &Material, view_degrees: f64, effort: &Effort, observer: &dyn Observer) -> Reading {

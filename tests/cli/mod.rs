@@ -3,6 +3,7 @@
 mod bench;
 mod compare;
 mod error;
+mod measure;
 mod render;
 mod usage;
 

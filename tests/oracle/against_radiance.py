@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Holds wavecast's light meters against Radiance's `rtrace -I`, which shares nothing with it.
+"""Holds wavecast's light meters against Radiance's `rtrace -I`, and its glare ratings against `evalglare`; they share nothing.
 
     pip install pyradiance numpy       # written against pyradiance 1.3.1
     cargo build --release
@@ -14,7 +14,10 @@ places where it has been gathered, which is set so fine that little is left of t
 with other random numbers, and the spread of these is taken for it. A point agrees if the two are within 1 %, or if the difference
 is within their joint 95 % interval. Radiance's units are watts; the same numbers are taken for lumens here.
 
-The exit code is 0 if all points agree, 1 if not.
+Glare is rated at three places, in Radiance from fisheye pictures of 800 x 800 pixels; UGR agrees if the two are within 0.3, of
+which the pixels of the panels' rims alone are 0.1.
+
+The exit code is 0 if all agree, 1 if not.
 """
 
 import argparse
@@ -59,6 +62,12 @@ POINTS = (
     + [([2.9995, 1.0, -0.5], [-1, 0, 0]), ([0.2, 2.7995, 0.1], [0, -1, 0])]
     + [([0.0, 1.2, 1.9995], [0, 0, -1]), ([0.0, 1.2, 0.0], [1, 0, 0])]
 )
+
+
+# Eyes and what they look at.
+VIEWS = [([-2.7, 1.2, 0.0], [2.0, 1.2, 0.0]), ([-2.0, 1.25, 1.8], [-2.0, 1.0, -1.2]), ([2.0, 1.6, 1.7], [-2.0, 1.4, -1.5])]
+FISHEYE = 800
+GLARE = 0.3
 
 
 def faces(low, high, inside_out=False):
@@ -155,6 +164,38 @@ def by_wavecast(binary, folder, error):
     return [(meter["value"], meter["interval"], meter["seconds"]) for meter in meters]
 
 
+def glare_by_wavecast(binary, folder):
+    """UGR by view."""
+    ratings = []
+    for eye, target in VIEWS:
+        words = [str(binary), "measure", str(folder / "office.gltf"), "--json", "--quiet", "--error", "0.2%", "--glare", "--view",
+                 ",".join(f"{c:.9g}" for c in eye + target), "--max-depth", str(BOUNCES)]
+        meter = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)["meters"][0]
+        ratings.append((meter["value"], meter["interval"], len(meter["lamps"])))
+    return ratings
+
+
+def glare_by_radiance(folder):
+    """UGR by view."""
+    programs = Path(pyradiance.__file__).parent / "bin"
+    ratings = []
+    for eye, target in VIEWS:
+        ahead = np.array(target) - np.array(eye)
+        view = ["-vta", "-vp", *map(str, eye), "-vd", *map(str, ahead), "-vu", "0", "1", "0", "-vh", "180", "-vv", "180"]
+        quality = f"-ab {BOUNCES} -ad 512 -as 128 -aa 0.2 -ar 64 -lr 8 -lw 1e-4 -dt 0 -dc 1 -ds 0.1 -dj 0.9 -pj 0 -ps 1 -pt 0".split()
+        picture = folder / "fisheye.hdr"
+        size = ["-x", str(FISHEYE), "-y", str(FISHEYE)]
+        with picture.open("wb") as file:
+            subprocess.run([programs / "rpict", *view, *size, *quality, folder / "office.oct"], check=True, stdout=file)
+        # What is more than 1,000 nit is a source; all numbers are taken for watts, 179 lm each.
+        line = subprocess.run([programs / "evalglare", "-b", str(1000 * 179), picture], check=True, capture_output=True, text=True).stdout
+        names, values = line.strip().splitlines()[-1].split(": ")
+        rating = dict(zip(names.split(","), map(float, values.split())))
+        # UGR grows by 8 for each power of ten in the unit.
+        ratings.append(rating["ugr"] - 8 * math.log10(179))
+    return ratings
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--wavecast", type=Path, default=ROOT / "target/release/wavecast")
@@ -165,6 +206,8 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         own = by_wavecast(args.wavecast, Path(name), args.error)
         theirs = by_radiance(Path(name), args.rounds)
+        own_glare = glare_by_wavecast(args.wavecast, Path(name))
+        their_glare = glare_by_radiance(Path(name))
     bad = 0
     print(f"{'point':24} {'normal':10} {'wavecast lx':>12} {'±':>7} {'Radiance lx':>12} {'±':>7} {'off':>8}")
     for i, ((p, n), (value, (low, high), _)) in enumerate(zip(POINTS, own)):
@@ -178,7 +221,13 @@ def main():
               f"{half:7.3f} {100 * off:7.2f}%{'' if agrees else '  DIFFERS'}")
     print(f"{bad} of {len(POINTS)} points differ; mean of all: {100 * (sum(v for v, _, _ in own) / theirs.mean(0).sum() - 1):+.2f} %; "
           f"wavecast took {sum(s for _, _, s in own):.1f} s")
-    return 1 if bad else 0
+    dazzled = 0
+    for (eye, target), (ugr, (low, high), lamps), theirs_ugr in zip(VIEWS, own_glare, their_glare):
+        agrees = abs(ugr - theirs_ugr) <= GLARE
+        dazzled += not agrees
+        print(f"UGR at {eye} towards {target}: wavecast {ugr:.2f} ({low:.2f} to {high:.2f}, {lamps} lamps), evalglare {theirs_ugr:.2f}"
+              f"{'' if agrees else '  DIFFERS'}")
+    return 1 if bad or dazzled else 0
 
 
 if __name__ == "__main__":

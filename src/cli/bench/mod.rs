@@ -22,6 +22,8 @@ mod wavefront;
 
 use std::{num::NonZeroUsize, path::PathBuf};
 
+use wavecast::{render::Renderer, world::Scene};
+
 use self::{draw::Slice, subject::Source};
 use super::{
     Outcome,
@@ -150,6 +152,22 @@ enum Part {
     Threads,
     /// Numbers of paths in a wave
     WaveSize,
+}
+
+impl Args {
+    /// A scene with the light and the eye that were asked for, and its tables.
+    fn open(&self, source: &Source, console: &mut Console) -> Result<(Scene, Renderer), CliError> {
+        let mut scene = source.scene(console)?;
+        if let Some(env) = &self.env {
+            scene::set_environment(&mut scene, env, 0.0, 1.0, console)?;
+        }
+        if let Some(view) = self.view {
+            view.take(&mut scene);
+        }
+        let mut renderer = Renderer::new();
+        renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));
+        Ok((scene, renderer))
+    }
 }
 
 /// Measures.

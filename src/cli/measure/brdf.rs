@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use wavecast::{
     film,
     measure::{
-        brdf::{Reflectance, albedo, brdf},
+        brdf::{Reflectance, albedo, brdf, formula},
         meter::{Effort, Reading},
     },
     world::{Material, MaterialSlots, Scene},
@@ -33,7 +33,7 @@ const ALBEDO: [f64; 3] = [0.0, 45.0, 80.0];
 /// A material as it was measured.
 pub struct Measured {
     name: String,
-    has_textures: bool,
+    material: Material,
     /// By angle of incidence.
     curves: Vec<(f64, Vec<Reflectance>)>,
     albedo: Vec<(f64, Reading)>,
@@ -63,18 +63,9 @@ pub fn read(args: &Args, scene: &Scene, name: &str, effort: &Effort, watcher: &W
     let views: Vec<f64> = (-STEPS..=STEPS).map(|i| f64::from(i) * STEP).collect();
     Ok(Measured {
         name: name.to_owned(),
-        has_textures: [
-            &material.base_color_texture,
-            &material.metallic_roughness_texture,
-            &material.normal_texture,
-            &material.specular_texture,
-            &material.specular_color_texture,
-            &material.transmission_texture,
-        ]
-        .iter()
-        .any(|texture| texture.is_some()),
         curves: INCIDENT.iter().map(|&angle| (angle, brdf(&material, angle, &views, effort, watcher))).collect(),
         albedo: ALBEDO.iter().map(|&angle| (angle, albedo(&material, angle, effort, watcher))).collect(),
+        material,
     })
 }
 
@@ -91,7 +82,16 @@ impl Measured {
 
     /// What there is to warn of.
     pub fn warning(&self) -> Option<String> {
-        self.has_textures.then(|| format!("--brdf {}: its textures are left out", self.name))
+        let textures = [
+            &self.material.base_color_texture,
+            &self.material.metallic_roughness_texture,
+            &self.material.normal_texture,
+            &self.material.specular_texture,
+            &self.material.specular_color_texture,
+            &self.material.transmission_texture,
+        ];
+        let has_some = textures.iter().any(|texture| texture.is_some());
+        has_some.then(|| format!("--brdf {}: its textures are left out", self.name))
     }
 
     /// In words.
@@ -174,7 +174,10 @@ impl Measured {
             }
             mesh.x_desc("angle of view, degrees; positive towards the mirror direction").y_desc("1/sr").draw()?;
             for ((angle, points), color) in self.curves.iter().zip(COLORS) {
-                let line = points.iter().map(|point| (point.view_degrees, place(point.expected())));
+                let line = (-178..=178).map(|half| {
+                    let view = 0.5 * f64::from(half);
+                    (view, place(formula(&self.material, *angle, view)).min(to))
+                });
                 chart
                     .draw_series(LineSeries::new(line, color.stroke_width(1)))?
                     .label(format!("light at {angle}°"))

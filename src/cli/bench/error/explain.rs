@@ -28,7 +28,6 @@ use crate::cli::{
     console::Console,
     error::CliError,
     label::{Canvas, LINE},
-    scene::set_environment,
 };
 
 /// Pixels, and samples of each with each technique, where nothing is said.
@@ -96,15 +95,7 @@ pub fn run(args: &Args, console: &mut Console) -> Result<Outcome, CliError> {
 }
 
 fn explain(source: &Source, args: &Args, console: &mut Console) -> Result<(String, Value), CliError> {
-    let mut scene = source.scene(console)?;
-    if let Some(env) = &args.env {
-        set_environment(&mut scene, env, 0.0, 1.0, console)?;
-    }
-    if let Some(view) = args.view {
-        view.take(&mut scene);
-    }
-    let mut renderer = Renderer::new();
-    renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));
+    let (scene, renderer) = args.open(source, console)?;
     let size = args.size.map_or(SIZE, |Size(size)| size);
     let name = source.to_string();
     console.note(format!("{name}: variance by technique"));

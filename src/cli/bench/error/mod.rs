@@ -41,7 +41,6 @@ use crate::cli::{
     args::{self, SamplerArg, Size},
     console::Console,
     error::CliError,
-    scene::set_environment,
 };
 
 /// Pixels if nothing is said.
@@ -258,15 +257,7 @@ fn prepare(
     console: &mut Console,
 ) -> Result<Prepared, CliError> {
     let (name, key) = (source.to_string(), reference::key(source, args, size)?);
-    let mut scene = source.scene(console)?;
-    if let Some(env) = &args.env {
-        set_environment(&mut scene, env, 0.0, 1.0, console)?;
-    }
-    if let Some(view) = args.view {
-        view.take(&mut scene);
-    }
-    let mut renderer = Renderer::new();
-    renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));
+    let (_, renderer) = args.open(source, console)?;
     let error = &args.error;
     let effort = match (error.reference_spp, error.reference_time) {
         (Some(spp), _) => Effort::Samples(spp),

@@ -15,7 +15,7 @@ use serde_json::json;
 use wavecast::{
     flat::FlatScene,
     reference::{self, ReferenceSettings, Tracer},
-    render::{PixelFilter, RenderSettings, RenderStats, Rendered, Renderer},
+    render::{PixelFilter, RenderSettings, RenderStats, Rendered},
     wavefront,
 };
 
@@ -25,7 +25,7 @@ use super::{
     report::{Spread, csv, machine},
     subject::Source,
 };
-use crate::cli::{Outcome, args::Size, console::Console, error::CliError, scene::set_environment};
+use crate::cli::{Outcome, args::Size, console::Console, error::CliError};
 
 /// Times each figure is taken if nothing is said.
 const RUNS: u32 = 7;
@@ -222,15 +222,7 @@ fn measure(
     variants: &[Variant],
     console: &mut Console,
 ) -> Result<(Vec<Row>, Vec<StageRow>), CliError> {
-    let mut scene = source.scene(console)?;
-    if let Some(env) = &args.env {
-        set_environment(&mut scene, env, 0.0, 1.0, console)?;
-    }
-    if let Some(view) = args.view {
-        view.take(&mut scene);
-    }
-    let mut renderer = Renderer::new();
-    renderer.sync(&mut scene).warnings.iter().for_each(|warning| console.warn(warning));
+    let (_, renderer) = args.open(source, console)?;
     let (name, scene) = (source.to_string(), renderer.scene());
     let threads = variants.first().map_or(1, |first| first.settings.threads);
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();

@@ -9,6 +9,38 @@
 //! (Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces"; Cohen, Wallace 1993, "Radiosity and Realistic
 //! Image Synthesis", chapters 2 to 5). The form factors F are found by casting rays. Then either (I − K)L = E is solved, or the partial sums E + KE + K²E + … are
 //! taken: a path tracer must find the same light, up to what the patches are too coarse for.
+//!
+//! ```
+//! use wavecast::{
+//!     film::{Split, luminance},
+//!     load::{self, LoadOptions},
+//!     reference::{Transport, TransportSettings},
+//!     render::{LayerKind, RenderSettings, Renderer},
+//! };
+//!
+//! let mut scene = load::load("scenes/cornell.gltf".as_ref(), &LoadOptions::default())?.scene;
+//! let mut renderer = Renderer::new();
+//! renderer.sync(&mut scene);
+//!
+//! // L = E + KL by patches of at most 0.2 m: all light but E, as the camera sees it.
+//! let settings = TransportSettings { edge: 0.2, rays: 1024, seed: 1 };
+//! let transport = Transport::new(renderer.scene(), &settings)?;
+//! let (all, _) = transport.solve();
+//! let scattered: Vec<_> = all.iter().zip(transport.emission()).map(|(all, e)| *all - e).collect();
+//! let seen = transport.mean_of_view(renderer.scene(), &scattered, [48, 48], 16, false);
+//! let by_patches = luminance(seen.to_array());
+//!
+//! // The same by paths: KE + K²E + K³E + …
+//! let layers = vec![LayerKind::Light(Split::Bounces)];
+//! let settings = RenderSettings { width: 48, height: 48, layers, ..RenderSettings::default() };
+//! let terms = renderer.render(&settings, &()).stats.parts;
+//! let by_paths: f64 = terms[1..].iter().map(|term| term.luminance.value).sum();
+//!
+//! assert!((by_patches / by_paths - 1.0).abs() < 0.02, "{by_patches} nit, {by_paths} nit");
+//! // K takes light away, so the series ends.
+//! assert!(transport.spectral_radius() < 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::f64::consts::TAU;
 

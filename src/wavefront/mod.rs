@@ -94,7 +94,7 @@ use crate::{
     flat::{FlatScene, LightGroups, NONE, SceneNeeds, ShadingClass},
     render::{Integrator, LayerKind, RenderSettings, SamplerKind, Sharing},
     sampling::{FilterTable, REPLICAS, Sampler, replica},
-    simd::LANES,
+    simd::{Bits, LANES, Real},
 };
 
 /// Settings as the stages read them.
@@ -204,6 +204,16 @@ impl<'a> Job<'a> {
 }
 
 impl Job<'_> {
+    /// The numbers of a sample of a pixel, and its ray: origin, direction and length. As [`generate`] starts it.
+    fn camera_ray(&self, [x, y]: [u32; 2], sample: u32) -> (u32, u32, ([f32; 3], [f32; 3], f32)) {
+        let (hash, index) = self.sampler.of_pixel(x, y, sample);
+        type Integer = <f32 as Real>::Bits;
+        let filter = Integer::splat(dimensions::FILTER);
+        let u = self.sampler.pair::<f32>(Integer::splat(hash), Integer::splat(index), filter);
+        let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(self.filter.offset(u)));
+        (hash, index, self.lens.ray(film[0], film[1]))
+    }
+
     /// With pixels that look elsewhere.
     fn aimed(mut self, aim: Aim, settings: &RenderSettings) -> Self {
         if let Aim::Pixels([width, height], _) = aim {

@@ -82,14 +82,11 @@ fn trace<C: Coverage>(
     counters: &mut Counters,
     stacks: &mut Stacks,
 ) {
-    let Job { scene, settings, lens, filter, sampler, .. } = job;
-    let (pixel_hash, first) = sampler.of_pixel(x, y, sample);
-    let pair = |dimension| sampler.pair::<f32>(Integer::splat(pixel_hash), Integer::splat(first), dimension);
+    let Job { scene, settings, sampler, .. } = job;
+    let (pixel_hash, first, ray) = job.camera_ray([x, y], sample);
     let (mut hash, mut index) = (pixel_hash, first);
     let name = |depth, kind| if settings.blends { ray_id(pixel_hash, first, depth, kind) } else { 0 };
-    let u = pair(Integer::splat(dimensions::FILTER));
-    let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(filter.offset(u)));
-    let (mut origin, mut direction, mut t_max) = lens.ray(film[0], film[1]);
+    let (mut origin, mut direction, mut t_max) = ray;
     let mut throughput = V3::splat(1.0);
     let (mut pdf, mut eta_scale, mut medium, mut side, mut slot) = (0.0, 1.0, NONE, 0, slot);
     counters.rays.camera += 1;

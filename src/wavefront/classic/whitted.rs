@@ -15,12 +15,12 @@ use crate::{
     film::Tile,
     flat::{EnvironmentLight, FlatScene, NONE, Source, flags},
     sampling::replica,
-    simd::{Bits, Mask, Real, Rgb, V3},
+    simd::{Mask, Real, Rgb, V3},
     wavefront::{
         Job, Worker,
         absorb::medium_of,
         coverage::SceneCoverage,
-        dimensions::{self, ray_id},
+        dimensions::ray_id,
         direct, emit,
         ledger::Ledger,
         shade::{BEFORE_LIGHT, medium_behind},
@@ -35,8 +35,6 @@ pub const MOST_DEPTH: u32 = 10;
 const MANY: usize = 16;
 /// Branches that bring the pixel less than this share of their light end.
 const LEAST: f32 = 1e-5;
-
-type Integer = <f32 as Real>::Bits;
 
 /// A ray of the tree.
 #[derive(Clone, Copy)]
@@ -84,11 +82,7 @@ fn run_covered<C: Coverage>(
     for sample in (from..to).step_by(step as usize) {
         for slot in 0..tile.width * tile.height {
             let (x, y) = (tile.x + slot % tile.width, tile.y + slot / tile.width);
-            let (hash, index) = job.sampler.of_pixel(x, y, sample);
-            let dimension = Integer::splat(dimensions::FILTER);
-            let u = job.sampler.pair::<f32>(Integer::splat(hash), Integer::splat(index), dimension);
-            let film = [(x, u.0), (y, u.1)].map(|(pixel, u)| f64::from(pixel) + 0.5 + f64::from(job.filter.offset(u)));
-            let (origin, direction, t_max) = job.lens.ray(film[0], film[1]);
+            let (hash, index, (origin, direction, t_max)) = job.camera_ray([x, y], sample);
             let ray = Branch { origin, direction, t_max, throughput: V3::splat(1.0), depth: 0, medium: NONE };
             let mut sample = Sample { tally: &mut tally, slot, number: sample, names: [hash, index] };
             tree.worker.counters.rays.camera += 1;

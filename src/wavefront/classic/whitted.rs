@@ -15,7 +15,7 @@ use crate::{
     film::Tile,
     flat::{EnvironmentLight, FlatScene, NONE, Source, flags},
     sampling::replica,
-    simd::{Mask, Real, Rgb, V3},
+    simd::{Mask, Rgb, V3},
     wavefront::{
         Job, Worker,
         absorb::medium_of,

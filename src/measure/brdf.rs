@@ -89,6 +89,21 @@ impl Bench {
     }
 }
 
+/// The factors of a material, as the reference takes them; seen from its front.
+fn of_formula(material: &Material) -> reference::Surface {
+    reference::Surface {
+        base_color: material.base_color.as_dvec3(),
+        metallic: material.metallic.into(),
+        roughness: material.roughness.into(),
+        specular: material.specular.into(),
+        specular_color: material.specular_color.as_dvec3(),
+        ior: material.ior.into(),
+        transmission: material.transmission.into(),
+        solid: material.is_solid(),
+        inside: false,
+    }
+}
+
 /// Measures a material in light that comes in at an angle to the normal, degrees, from some angles of view, degrees, in the plane of
 /// incidence. Its mirror and clear glass, which are not functions, are not seen.
 pub fn brdf(
@@ -117,7 +132,7 @@ pub fn brdf(
         Reflectance {
             view_degrees,
             measured: Reading { rgb, value: over(seen.value, falls.value) },
-            formula: reference::brdf(material, at(view_degrees), from).to_array(),
+            formula: reference::brdf(&of_formula(material), at(view_degrees), from).to_array(),
         }
     };
     views.iter().map(one).collect()
@@ -125,7 +140,7 @@ pub fn brdf(
 
 /// The formula alone, as luminance, 1/sr: angles as for [`brdf`].
 pub fn formula(material: &Material, incident_degrees: f64, view_degrees: f64) -> f64 {
-    luminance(reference::brdf(material, at(view_degrees), at(-incident_degrees)).to_array())
+    luminance(reference::brdf(&of_formula(material), at(view_degrees), at(-incident_degrees)).to_array())
 }
 
 /// Share of even light from all sides that a material sends into a direction at an angle to the normal, degrees: at most 1 if energy

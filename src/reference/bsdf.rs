@@ -7,8 +7,6 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use crate::world::Material;
-
 /// A surface as textured, and the side it is seen from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
@@ -235,22 +233,10 @@ pub fn eval(s: &Surface, wo: DVec3, wi: DVec3) -> DVec3 {
     }
 }
 
-/// BRDF of a material without its textures, 1/sr, for unit directions away from a surface whose normal is +Y; both above it, seen from
-/// its front.
-pub fn brdf(material: &Material, wo: DVec3, wi: DVec3) -> DVec3 {
-    let surface = Surface {
-        base_color: material.base_color.as_dvec3(),
-        metallic: material.metallic.into(),
-        roughness: material.roughness.into(),
-        specular: material.specular.into(),
-        specular_color: material.specular_color.as_dvec3(),
-        ior: material.ior.into(),
-        transmission: material.transmission.into(),
-        solid: material.is_solid(),
-        inside: false,
-    };
+/// BRDF, 1/sr, for unit directions away from a surface whose normal is +Y; both above it.
+pub fn brdf(surface: &Surface, wo: DVec3, wi: DVec3) -> DVec3 {
     let up = |w: DVec3| DVec3::new(w.z, w.x, w.y);
-    eval(&surface, up(wo), up(wi))
+    eval(surface, up(wo), up(wi))
 }
 
 /// A way in which a surface scatters.

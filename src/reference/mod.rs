@@ -21,7 +21,7 @@ mod trace;
 mod transport;
 
 pub use self::{
-    bsdf::{Lobe, brdf},
+    bsdf::{Lobe, Surface, brdf},
     render::{ReferencePicture, ReferenceSettings, Technique, camera_ray, render, render_with},
     rng::Rng,
     trace::Tracer,

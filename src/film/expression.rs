@@ -18,43 +18,7 @@
 //! So `C[LB]` is what the camera sees of lights, `CDL` direct light on matt surfaces, `C.*D<T.>+L` light that came through glass onto
 //! something matt, `CS+D.*L` what mirrors and glass show of matt things.
 
-use std::collections::HashMap;
-
-use regex_automata::{
-    Anchored, MatchKind,
-    dfa::{Automaton as _, StartKind, dense},
-    util::{start, syntax},
-};
-
-/// What a surface does to light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// Reflects it to all sides.
-    DiffuseReflection,
-    /// Reflects it by facets.
-    GlossyReflection,
-    /// Reflects it as a mirror.
-    SingularReflection,
-    /// Lets it through to all sides. Nothing does so far.
-    DiffuseTransmission,
-    /// Lets it through by facets.
-    GlossyTransmission,
-    /// Lets it through without blur.
-    SingularTransmission,
-}
-
-/// Kinds of [`Event`].
-const EVENTS: usize = 6;
-/// Symbols of the sky and of a lamp without a name of its own; those with one come behind.
-const SKY: usize = EVENTS;
-const LAMP: usize = EVENTS + 1;
-/// Symbols at most: their set is a word.
-const MOST_SYMBOLS: usize = 64;
-const SCATTERINGS: u64 = (1 << EVENTS) - 1;
-/// States at most: of each path the ledger keeps some of 16 bits.
-const MOST_STATES: usize = 1 << 15;
-/// Bytes that it may take to make them.
-const MOST_BYTES: usize = 64 << 20;
+use super::automaton::{Automaton, Event, LAMP, MOST_SYMBOLS, SCATTERINGS, SKY, byte};
 
 /// What is wrong with an expression, and at which character.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -82,10 +46,10 @@ enum Piece {
 /// A description of paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Expression {
-    text: String,
+    pub(super) text: String,
     pieces: Vec<Piece>,
     /// Lights that it names, and keys of entities that have the name.
-    lights: Vec<(String, Vec<u64>)>,
+    pub(super) lights: Vec<(String, Vec<u64>)>,
 }
 
 /// Of letters, what a scattering may be.
@@ -109,13 +73,17 @@ fn scatterings(letter: char) -> Option<u64> {
 /// Reads an expression from its characters.
 struct Reader<'a> {
     text: &'a str,
+    /// Without the blanks between symbols.
     chars: Vec<char>,
+    /// Of each, the characters before it in the text.
+    places: Vec<usize>,
     at: usize,
     lights: Vec<(String, Vec<u64>)>,
 }
 
 impl Reader<'_> {
     fn error<T>(&self, at: usize, problem: impl Into<String>) -> Result<T, ExpressionError> {
+        let at = self.places.get(at).copied().unwrap_or_else(|| self.text.chars().count());
         Err(ExpressionError { text: self.text.to_owned(), problem: problem.into(), at })
     }
 
@@ -263,10 +231,13 @@ impl std::str::FromStr for Expression {
 
     fn from_str(text: &str) -> Result<Self, ExpressionError> {
         let text = text.trim();
-        let chars: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
-        // Names may hold spaces.
-        let chars = if text.contains('\'') { text.chars().collect() } else { chars };
-        let mut reader = Reader { text, chars, at: 0, lights: Vec::new() };
+        let mut in_name = false;
+        let counts = |&(_, c): &(usize, char)| {
+            in_name ^= c == '\'';
+            in_name || !c.is_whitespace()
+        };
+        let (places, chars) = text.chars().enumerate().filter(counts).unzip();
+        let mut reader = Reader { text, chars, places, at: 0, lights: Vec::new() };
         if reader.peek() != Some('C') {
             return reader.error(0, "it does not begin with C, the camera, such as CDL");
         }
@@ -279,10 +250,6 @@ impl std::str::FromStr for Expression {
             let at = reader.at;
             let operator = |letter: char| Piece::Operator(letter.to_string());
             let (piece, then_repeats) = match letter {
-                ' ' => {
-                    reader.at += 1;
-                    continue;
-                }
                 '(' => {
                     reader.at += 1;
                     open.push(at);
@@ -331,9 +298,7 @@ impl std::str::FromStr for Expression {
         let numbers = expression.lights.iter().zip(&keys).map(|((name, _), &key)| (name.clone(), vec![key]));
         let numbered = Self { lights: numbers.collect(), ..expression.clone() };
         let automaton = Automaton::new(&[&numbered], &keys)?;
-        let is_met = (0..automaton.next.len() as u16)
-            .any(|state| (0..automaton.terminals).any(|terminal| !automaton.accepted_by(state, terminal).is_empty()));
-        if !is_met {
+        if !automaton.accepts_any() {
             let problem = "no path is as it says: the last symbol is a light, L or B, and none comes before";
             return Err(ExpressionError { text: text.to_owned(), problem: problem.into(), at: text.chars().count() });
         }
@@ -365,7 +330,7 @@ impl Expression {
     }
 
     /// As a regular expression of bytes; `symbol` is that of a named light.
-    fn pattern(&self, symbols: usize, symbol: impl Fn(&[u64]) -> Vec<usize>) -> String {
+    pub(super) fn pattern(&self, symbols: usize, symbol: impl Fn(&[u64]) -> Vec<usize>) -> String {
         let class = |bits: u64| {
             let members = (0..symbols).filter(|&symbol| bits >> symbol & 1 == 1);
             let members: String = members.map(|symbol| format!("\\x{:02x}", byte(symbol))).collect();
@@ -388,128 +353,6 @@ impl Expression {
             Piece::Operator(text) => text.clone(),
         });
         format!("(?:{})", pieces.collect::<String>())
-    }
-}
-
-/// What stands for a symbol in the regular expression.
-fn byte(symbol: usize) -> u8 {
-    symbol as u8 + b'0'
-}
-
-/// A machine that reads paths from the camera on, for several expressions at once.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Automaton {
-    /// By state and event.
-    next: Vec<[u16; EVENTS]>,
-    /// By light, its symbol.
-    of_light: Vec<u8>,
-    /// Symbols of lights.
-    terminals: usize,
-    /// By state and symbol of the light, the expressions that are met: rows of `met`.
-    met_from: Vec<u32>,
-    met: Vec<u16>,
-}
-
-impl Automaton {
-    /// For lights with such keys, `u64::MAX` being the environment.
-    ///
-    /// # Errors
-    ///
-    /// Expressions whose machine would be too large.
-    pub fn new(expressions: &[&Expression], lights: &[u64]) -> Result<Self, ExpressionError> {
-        let told = || expressions.iter().map(|expression| expression.text.as_str()).collect::<Vec<_>>().join(", ");
-        let failed = |problem: String| ExpressionError { text: told(), problem, at: 0 };
-        // Lights that the same names stand for are one symbol.
-        let names: Vec<&Vec<u64>> = expressions.iter().flat_map(|e| e.lights.iter().map(|(_, keys)| keys)).collect();
-        let mut kinds: HashMap<Vec<bool>, usize> = HashMap::new();
-        let mut keys_of: Vec<Vec<u64>> = Vec::new();
-        let mut of_light = Vec::new();
-        for &key in lights {
-            let kind: Vec<bool> = names.iter().map(|keys| keys.contains(&key)).collect();
-            if key == u64::MAX {
-                of_light.push(SKY);
-            } else if !kind.contains(&true) {
-                of_light.push(LAMP);
-            } else {
-                let next = LAMP + 1 + kinds.len();
-                let symbol = *kinds.entry(kind).or_insert(next);
-                keys_of.resize(keys_of.len().max(symbol - LAMP), Vec::new());
-                keys_of[symbol - LAMP - 1].push(key);
-                of_light.push(symbol);
-            }
-        }
-        let symbols = LAMP + 1 + keys_of.len();
-        if symbols > MOST_SYMBOLS {
-            return Err(failed(format!("at most {} lights can be told apart", MOST_SYMBOLS - LAMP - 1)));
-        }
-        let symbols_of = |keys: &[u64]| {
-            let has = |row: &usize| keys_of[*row].iter().any(|key| keys.contains(key));
-            let sky = keys.contains(&u64::MAX).then_some(SKY);
-            (0..keys_of.len()).filter(has).map(|row| LAMP + 1 + row).chain(sky).collect()
-        };
-        let patterns: Vec<String> = expressions.iter().map(|e| e.pattern(symbols, symbols_of)).collect();
-        let config = dense::Config::new()
-            .match_kind(MatchKind::All)
-            .start_kind(StartKind::Anchored)
-            .dfa_size_limit(Some(MOST_BYTES))
-            .determinize_size_limit(Some(MOST_BYTES));
-        let too_many = || failed("too many states: fewer or shorter expressions at a time".into());
-        let dfa = dense::Builder::new()
-            .configure(config)
-            .syntax(syntax::Config::new().unicode(false).utf8(false))
-            .build_many(&patterns)
-            .map_err(|_| too_many())?;
-        let start = dfa.start_state(&start::Config::new().anchored(Anchored::Yes)).map_err(|_| too_many())?;
-        let terminals = symbols - SKY;
-        let (mut states, mut next) = (vec![start], Vec::new());
-        let mut rows: HashMap<_, u16> = HashMap::from([(start, 0)]);
-        let (mut met_from, mut met) = (vec![0], Vec::new());
-        let mut at = 0;
-        while at < states.len() {
-            let state = states[at];
-            at += 1;
-            let mut events = [0; EVENTS];
-            for (event, to) in events.iter_mut().enumerate() {
-                let id = dfa.next_state(state, byte(event));
-                *to = *rows.entry(id).or_insert_with(|| {
-                    states.push(id);
-                    (states.len() - 1) as u16
-                });
-            }
-            if states.len() > MOST_STATES {
-                return Err(too_many());
-            }
-            next.push(events);
-            for symbol in SKY..symbols {
-                let end = dfa.next_eoi_state(dfa.next_state(state, byte(symbol)));
-                if dfa.is_match_state(end) {
-                    met.extend((0..dfa.match_len(end)).map(|i| dfa.match_pattern(end, i).as_u32() as u16));
-                }
-                met_from.push(met.len() as u32);
-            }
-        }
-        Ok(Self { next, of_light: of_light.into_iter().map(|s| (s - SKY) as u8).collect(), terminals, met_from, met })
-    }
-
-    /// Where paths begin.
-    pub const START: u16 = 0;
-
-    /// After a further event.
-    #[inline]
-    pub fn after(&self, state: u16, event: Event) -> u16 {
-        self.next[usize::from(state)][event as usize]
-    }
-
-    fn accepted_by(&self, state: u16, terminal: usize) -> &[u16] {
-        let row = usize::from(state) * self.terminals + terminal;
-        &self.met[self.met_from[row] as usize..self.met_from[row + 1] as usize]
-    }
-
-    /// The expressions that a path is as, which ends at a light.
-    #[inline]
-    pub fn met(&self, state: u16, light: u32) -> &[u16] {
-        let terminal = self.of_light.get(light as usize).copied().unwrap_or(0);
-        self.accepted_by(state, usize::from(terminal))
     }
 }
 
@@ -601,6 +444,7 @@ mod tests {
             ("CD{x}L", 2, "{2,4}"),
             ("CD", 2, "last symbol is a light"),
             ("CLD", 3, "last symbol is a light"),
+            ("C [D G] <L.'a b'> X", 18, "no meaning"),
         ] {
             let error = text.parse::<Expression>().expect_err(text);
             assert!(error.problem.contains(problem), "{text}: {error}");
@@ -614,6 +458,8 @@ mod tests {
     #[test]
     fn what_needs_too_many_states_is_refused() {
         let error = "C.*D.{15}L".parse::<Expression>().expect_err("it is too long");
+        assert!(error.problem.contains("too many states"), "{error}");
+        let error = "C(((.{99}){99}){99}){99}L".parse::<Expression>().expect_err("nor is there memory for this");
         assert!(error.problem.contains("too many states"), "{error}");
         let short: Expression = "C.*D.{5}L".parse().expect("this is not");
         assert!(Automaton::new(&[&short], &KEYS).is_ok());

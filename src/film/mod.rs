@@ -5,6 +5,7 @@
 //! mapping happen here and nowhere else.
 
 mod allocate;
+mod automaton;
 mod error;
 mod estimate;
 mod expression;
@@ -23,9 +24,10 @@ mod write;
 
 pub use self::{
     allocate::Growth,
+    automaton::{Automaton, Event},
     error::FilmError,
     estimate::PictureError,
-    expression::{Automaton, Event, Expression, ExpressionError},
+    expression::{Expression, ExpressionError},
     picture::{Layer, LayerData, Picture},
     read::{Referred, read},
     splats::{Splat, Splats, of_channels},

@@ -7,7 +7,10 @@
 
 use std::sync::Arc;
 
-use super::expression::{Automaton, Expression, ExpressionError};
+use super::{
+    automaton::Automaton,
+    expression::{Expression, ExpressionError},
+};
 
 /// Scatterings of the last layer of its own, where nothing bounds them: E to K¹⁷E, which is sixteen bounces of indirect light.
 const OWN_LAYERS: u32 = 17;
@@ -160,8 +163,11 @@ impl Splits {
         self.deepest + 1 + u32::from(self.open)
     }
 
-    /// Layers of a split.
+    /// Layers of a split; none of one that the light is not split by.
     pub fn layers_of(&self, kind: Split) -> usize {
+        if !self.kinds.contains(&kind) {
+            return 0;
+        }
         let parts = match kind {
             Split::Bounces | Split::LightsByBounces => self.depths(),
             Split::Direct | Split::LightsByDirect => 2,
@@ -235,6 +241,9 @@ impl Splits {
 
     /// Names of the layers of a split, of lights with such names.
     pub fn names(&self, kind: Split, lights: &[String]) -> Vec<String> {
+        if !self.kinds.contains(&kind) {
+            return Vec::new();
+        }
         let bounces = || {
             let own = (0..=self.deepest).map(|n| format!("bounce{n:02}"));
             own.chain(self.open.then(|| format!("bounce{:02}-on", self.deepest + 1)))

@@ -17,6 +17,8 @@ mod textures;
 
 use std::sync::Arc;
 
+use glam::{BVec3, Vec3};
+
 pub use self::{
     camera::{CameraView, ViewProjection},
     groups::{LightGroups, Source},
@@ -73,6 +75,28 @@ impl FlatScene {
         let mesh = &self.meshes[self.instances.mesh[instance as usize] as usize];
         let slot = mesh.slots.get(triangle as usize).copied().unwrap_or(0);
         self.material_rows[self.instances.material_base[instance as usize] as usize + slot as usize]
+    }
+
+    /// Least and greatest corner of an instance's box in the world, m; infinite for a plane.
+    pub fn box_of(&self, instance: usize) -> (Vec3, Vec3) {
+        let mesh = &self.meshes[self.instances.mesh[instance] as usize];
+        let (least, most) = mesh.blas.bounds();
+        let (least, most) = (Vec3::from(least), Vec3::from(most));
+        if mesh.shape.is_some() && !least.cmple(most).all() {
+            return (Vec3::NEG_INFINITY, Vec3::INFINITY);
+        }
+        let corners = (0..8).map(|i| {
+            let high = |axis: u32| i >> axis & 1 == 1;
+            let corner = Vec3::select(BVec3::new(high(0), high(1), high(2)), most, least);
+            self.placed(instance, corner)
+        });
+        corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+    }
+
+    /// A point of an instance's mesh in the world, m.
+    pub fn placed(&self, instance: usize, p: Vec3) -> Vec3 {
+        let m = &self.instances.world_from_local[instance];
+        Vec3::from_array([0, 1, 2].map(|i| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]).dot(p) + m[4 * i + 3]))
     }
 
     /// The light row of a triangle, or [`NONE`].

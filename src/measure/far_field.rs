@@ -9,7 +9,7 @@ use std::{f64::consts::PI, fmt::Write as _};
 use glam::DVec3;
 
 use super::{
-    meter::{Effort, Meters, Reading, ball_around, read},
+    meter::{Effort, Meters, Reading, read},
     student::Estimate,
 };
 use crate::{
@@ -20,6 +20,7 @@ use crate::{
     sampling::{Sampler, warp},
     simd::{Bits, V3},
     wavefront::SceneCoverage,
+    world::Shape,
 };
 
 /// Independent estimates of what lamps without extent send off, and directions in each.
@@ -63,7 +64,7 @@ pub enum FarFieldError {
     Endless,
 }
 
-/// Reads all that is in the scene, in `gammas` + 1 directions from down to up for each of `cs` around; without its sky and lamps
+/// Reads all that is in the scene, in `gammas` + 1 directions, three at least, from down to up for each of `cs` around, one at least; without its sky and lamps
 /// that are infinitely far away.
 ///
 /// # Errors
@@ -76,7 +77,9 @@ pub fn far_field(
     effort: &Effort,
     observer: &dyn Observer,
 ) -> Result<FarField, FarFieldError> {
-    if ball_around(scene).is_some_and(|(_, radius)| !radius.is_finite()) {
+    let (gammas, cs) = (gammas.max(2), cs.max(1));
+    let mut meshes = scene.instances.mesh.iter().map(|&row| &scene.meshes[row as usize]);
+    if meshes.any(|mesh| mesh.shape == Some(Shape::Plane)) || !scene.radius.is_finite() {
         return Err(FarFieldError::Endless);
     }
     let mut scene = scene.clone();

@@ -12,7 +12,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::{
     meter::{Effort, Meters, Reading, read},
@@ -190,18 +190,8 @@ fn cone(scene: &FlatScene, key: u64, eye: DVec3) -> (DVec3, f64) {
     let everywhere = (DVec3::Y, 2.0);
     let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for row in (0..scene.instances.len()).filter(|&row| scene.instances.key[row] == key) {
-        let mesh = &scene.meshes[scene.instances.mesh[row] as usize];
-        let (lo, hi) = mesh.blas.bounds();
-        if (0..3).any(|axis| lo[axis] > hi[axis]) {
-            return everywhere;
-        }
-        let m = &scene.instances.world_from_local[row];
-        for i in 0..8 {
-            let corner = Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { lo[axis] } else { hi[axis] }));
-            let p = [0, 1, 2].map(|i| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]).dot(corner) + m[4 * i + 3]);
-            let p = Vec3::from_array(p).as_dvec3();
-            (least, most) = (least.min(p), most.max(p));
-        }
+        let (lower, upper) = scene.box_of(row);
+        (least, most) = (least.min(lower.as_dvec3()), most.max(upper.as_dvec3()));
     }
     let (center, radius) = (0.5 * (least + most), 0.5 * (most - least).length() * 1.0001);
     let distance = center.distance(eye);

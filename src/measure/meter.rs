@@ -247,16 +247,16 @@ impl Meters {
         let mut scale = if matches!(self, Self::Pixels(..)) { 1.0 } else { PI };
         let aim = match self {
             Self::Directions(directions) => {
-                let (center, radius) = ball_around(&scene).unwrap_or_default();
+                let (center, radius) = ball(&scene);
                 // I = ∫ L dA over all that is seen at right angles to the direction.
-                scale = PI * radius * radius;
-                let beam = |&(to, _): &(DVec3, f64)| Beam::new(center.as_vec3(), radius as f32, to.as_vec3());
+                scale = PI * f64::from(radius).powi(2);
+                let beam = |&(to, _): &(DVec3, f64)| Beam::new(center, radius, to.as_vec3());
                 Aim::Beams(repeat(directions.iter().map(beam), copies))
             }
             Self::Around => {
-                let (center, radius) = ball_around(&scene).unwrap_or_default();
-                scale = PI * radius * radius;
-                Aim::Around(center.as_vec3().to_array(), radius as f32)
+                let (center, radius) = ball(&scene);
+                scale = PI * f64::from(radius).powi(2);
+                Aim::Around(center.to_array(), radius)
             }
             Self::Pixels(size, pixels) => Aim::Pixels(*size, repeat(pixels.iter().copied(), copies)),
             Self::Planes(places) => {
@@ -288,7 +288,7 @@ impl Meters {
                 let mirrored = scene.instances.mirrored[row] == 1;
                 let first = add_unseen(&mut scene, [(mesh, to_world, to_local)]);
                 let place = |&(triangle, [b1, b2]): &(u32, [f32; 2])| {
-                    let [a, b, c] = shown.corners(triangle).map(|p| moved(&to_world, Vec3::from(p)));
+                    let [a, b, c] = shown.corners(triangle).map(|p| scene.placed(row, Vec3::from(p)));
                     let n = (b - a).cross(c - a).normalize_or(Vec3::Y) * if mirrored { -1.0 } else { 1.0 };
                     Place { instance: first, triangle, b1, b2, direction: (-n).to_array(), back: false }
                 };
@@ -299,35 +299,9 @@ impl Meters {
     }
 }
 
-/// Centre and radius, m, of a ball around all that is shown; none if nothing is. Infinite for what has no end.
-pub(super) fn ball_around(scene: &FlatScene) -> Option<(DVec3, f64)> {
-    let mut points: Vec<DVec3> = Vec::new();
-    let mut add = |m: &[f32; 12], p: Vec3| points.push(moved(m, p).as_dvec3());
-    for row in 0..scene.instances.len() {
-        let mesh = &scene.meshes[scene.instances.mesh[row] as usize];
-        let m = &scene.instances.world_from_local[row];
-        if mesh.shape.is_some() {
-            let (least, most) = mesh.blas.bounds();
-            if (0..3).any(|axis| least[axis] > most[axis]) {
-                // A plane.
-                return Some((DVec3::ZERO, f64::INFINITY));
-            }
-            for i in 0..8 {
-                let of = |axis: usize| if i >> axis & 1 == 0 { least[axis] } else { most[axis] };
-                add(m, Vec3::new(of(0), of(1), of(2)));
-            }
-        }
-        mesh.positions.iter().for_each(|&p| add(m, p.into()));
-    }
-    let first = *points.first()?;
-    if !points.iter().all(|p| p.is_finite()) {
-        return Some((DVec3::ZERO, f64::INFINITY));
-    }
-    let (least, most) = points.iter().fold((first, first), |(lo, hi), &p| (lo.min(p), hi.max(p)));
-    let center = 0.5 * (least + most);
-    let radius = points.iter().map(|p| p.distance(center)).fold(0.0, f64::max);
-    // A little more, for the rounding of rays.
-    Some((center, radius * (1.0 + 1e-5)))
+/// Ball around all that is shown, m; a little larger, for the rounding of rays.
+fn ball(scene: &FlatScene) -> (Vec3, f32) {
+    (Vec3::from(scene.center), scene.radius * (1.0 + 1e-5))
 }
 
 fn repeat<T: Copy>(items: impl Iterator<Item = T>, copies: usize) -> Vec<T> {
@@ -359,9 +333,4 @@ fn standing(mesh: u32, p: DVec3, n: DVec3) -> (u32, [f32; 12], [f32; 12]) {
     to_local[4..8].copy_from_slice(&b);
     to_local[8..].copy_from_slice(&c);
     (mesh, to_world, to_local)
-}
-
-fn moved(m: &[f32; 12], p: Vec3) -> Vec3 {
-    let row = |i: usize| m[i] * p.x + m[i + 1] * p.y + m[i + 2] * p.z + m[i + 3];
-    Vec3::new(row(0), row(4), row(8))
 }

@@ -10,11 +10,11 @@ use wavecast::{
         student::{Estimate, student_two_sided},
     },
     reference::{self, Lobe, ReferenceSettings},
-    render::{LayerKind, RenderSettings, Renderer, Sharing, name_lights},
+    render::{Integrator, LayerKind, RenderSettings, Renderer, Sharing, name_lights},
     world::{Environment, Material, Name, PointLight, Scene},
 };
 
-use crate::common::{asset, load_scene, root, settings, trials::scaled, varied};
+use crate::common::{asset, load_scene, look, root, settings, show, trials::scaled, varied};
 
 const SPLITS: [Split; 5] =
     [Split::Bounces, Split::Lights, Split::Direct, Split::LightsByBounces, Split::LightsByDirect];
@@ -285,6 +285,66 @@ fn paths_are_what_a_reference_with_only_these_lobes_says() {
             .collect();
         check(&format!("paths, sharing {sharing:?}"), &pairs);
     }
+}
+
+/// A mirror reflects and a pane transmits; by the lobes of the first surface and by expressions.
+#[test]
+fn what_is_reflected_and_what_is_let_through_are_told_apart() {
+    let mirror = Material { roughness: 0.0, ..Material::default() };
+    let pane = Material { thickness: 0.0, specular: 0.0, ..Material::glass(1.5) };
+    let frosted = Material { roughness: 0.5, ..pane.clone() };
+    let metal = Material { roughness: 0.5, ..Material::default() };
+    let all = ["RS", "RG", "TS", "TG"];
+    for (material, own) in [(mirror, "RS"), (metal, "RG"), (pane, "TS"), (frosted, "TG")] {
+        let mut scene = Scene::new();
+        let quad = wavecast::world::TriMesh::quad(
+            glam::Vec3::new(-9.0, -9.0, 0.0),
+            18.0 * glam::Vec3::X,
+            18.0 * glam::Vec3::Y,
+        );
+        show(&mut scene, quad, material);
+        scene.spawn((Environment::constant(glam::Vec3::ONE),));
+        look(&mut scene, glam::DVec3::Z * 2.0, glam::DVec3::ZERO, 40.0);
+        let mut renderer = Renderer::new();
+        renderer.sync(&mut scene);
+        let path = |name: &str| PathLayer {
+            name: name.into(),
+            expression: format!("C<{name}>B").parse().expect("it is right"),
+        };
+        let layers = [Split::Lobes, Split::Paths].map(LayerKind::Light).to_vec();
+        let settings = RenderSettings { layers, paths: all.map(path).to_vec(), ..settings(8, 16) };
+        let picture = renderer.render(&settings, &()).picture;
+        let lobe = if own.starts_with('R') { "specular.direct" } else { "transmission.direct" };
+        assert!(picture.rgb.iter().all(|rgb| rgb[0] > 0.3), "{own}");
+        for name in all.into_iter().chain(["specular.direct", "transmission.direct", "diffuse.direct", "emission"]) {
+            let is_all = rgb(&picture, name) == picture.rgb;
+            let is_black = rgb(&picture, name).iter().flatten().all(|&c| c == 0.0);
+            assert!(if name == own || name == lobe { is_all } else { is_black }, "{own}: {name}");
+        }
+    }
+}
+
+/// Integrators that do not follow paths leave the layers by paths out, and so does what has too many states; others stay.
+#[test]
+fn layers_that_cannot_be_told_are_left_out() {
+    let mut renderer = Renderer::new();
+    renderer.sync(&mut varied());
+    let layers = [Split::Lobes, Split::Bounces, Split::LobesByBounces].map(LayerKind::Light).to_vec();
+    for integrator in [Integrator::Whitted, Integrator::Ambient { distance: 1.0 }] {
+        let settings = RenderSettings { integrator, layers: layers.clone(), ..settings(8, 4) };
+        let rendered = renderer.render(&settings, &());
+        assert!(rendered.picture.layers.iter().all(|layer| layer.name.starts_with("bounce")));
+        assert!(!rendered.picture.layers.is_empty() && rendered.stats.parts.len() * 2 == rendered.picture.layers.len());
+    }
+    // Each by itself is small enough.
+    let path = |lobe: &str| PathLayer {
+        name: lobe.into(),
+        expression: format!("C.*{lobe}.{{9}}L").parse().expect("so it is"),
+    };
+    let layers = [Split::Paths, Split::Bounces].map(LayerKind::Light).to_vec();
+    let many = RenderSettings { layers, paths: ["D", "G", "S"].map(path).to_vec(), ..settings(8, 4) };
+    assert!(renderer.bytes_of_parts(&many).is_err());
+    assert!(renderer.render(&many, &()).picture.layers.iter().all(|layer| layer.name.starts_with("bounce")));
 }
 
 /// Layers of lights have their entities' names, and a number where a name is taken.

@@ -10,7 +10,10 @@ use wavecast::{
     measure::meter::{Effort, Meters, Reading, read},
 };
 
-use super::{Scale, false_colours};
+use super::{
+    colours::{Scale, false_colours},
+    places::check_points,
+};
 use crate::cli::{error::CliError, progress::Watcher};
 
 /// Samples of a texel where nothing says how many.
@@ -89,7 +92,7 @@ pub fn bake(
     if mesh.uvs.first().is_none_or(|uvs| uvs.is_empty()) {
         return Err(CliError::Usage(format!("--bake: {name} has no texture coordinates")));
     }
-    super::check_points("--bake", size)?;
+    check_points("--bake", size)?;
     let (places, outside, overlaps) = places(scene, instance, size);
     if places.is_empty() {
         return Err(CliError::Usage(format!("--bake: the texture coordinates of {name} are nowhere between 0 and 1")));

@@ -3,7 +3,9 @@
 mod bake;
 mod brdf;
 mod candela;
+mod colours;
 mod glare;
+mod places;
 
 use std::{
     fmt::Write as _,
@@ -15,25 +17,25 @@ use image::ImageFormat;
 use serde_json::{Value, json};
 use wavecast::{
     film,
-    flat::FlatScene,
     glam::DVec3,
     measure::{
         far_field::FarField,
         flux::flux,
-        heat,
         meter::{Effort, Meters, Reading, Readings, read},
     },
-    render::Renderer,
     world::{Name, Scene, SceneKey},
 };
 
+use self::{
+    colours::{Scale, false_colours},
+    places::{of_region, on_entity, on_plane},
+};
 use super::{
     Common, Outcome,
     args::{self, Size},
     console::Console,
     error::CliError,
     interrupt,
-    label::{Canvas, LINE},
     progress::Watcher,
     scene::{Opened, SceneArgs, default_size, light_names},
 };
@@ -116,10 +118,6 @@ pub struct Args {
 const DEFAULT_ERROR: f64 = 0.01;
 /// Coordinates that are read, m.
 const FARTHEST: f64 = 1e12;
-/// Points that are read at once.
-const MOST_POINTS: u64 = 1 << 20;
-/// Points on a surface.
-const POINTS_ON: usize = 1024;
 
 /// Such as `0,0.8,-1`, m.
 fn vector(text: &str) -> Result<DVec3, String> {
@@ -342,54 +340,6 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// Points along an edge: EN 12464-1 (2021, 4.4): p = 0.2 · 5^(log₁₀ d), d being the length of the edge, and at most 10 m.
-fn points_along(length: f64) -> u32 {
-    let spacing = (0.2 * 5_f64.powf(length.max(1e-3).log10())).min(10.0);
-    ((length / spacing).round() as u32).max(1)
-}
-
-fn on_plane(
-    flat: &FlatScene,
-    [corner, u, v]: [DVec3; 3],
-    grid: Option<Size>,
-    effort: &Effort,
-    watcher: &Watcher,
-) -> Result<Answer, CliError> {
-    let [columns, rows] = grid.map_or_else(
-        || {
-            // By the longer edge, unless the plane is much longer than wide; then along each by itself (as there).
-            let (long, short) = (u.length().max(v.length()), u.length().min(v.length()));
-            let of = |edge: f64| {
-                if long / short < 2.0 {
-                    (edge / (long / f64::from(points_along(long)))).round() as u32
-                } else {
-                    points_along(edge)
-                }
-            };
-            [of(u.length()).max(1), of(v.length()).max(1)]
-        },
-        |size| size.0,
-    );
-    check_points("--lux-plane", [columns, rows])?;
-    let n = u.cross(v).normalize();
-    let at = |i: usize| {
-        let (x, y) = (i as u32 % columns, i as u32 / columns);
-        corner + u * ((f64::from(x) + 0.5) / f64::from(columns)) + v * ((f64::from(y) + 0.5) / f64::from(rows))
-    };
-    let places = (0..(columns * rows) as usize).map(|i| (at(i), n)).collect();
-    let readings = read(flat, &Meters::Planes(places), effort, watcher);
-    let name = format!("{} along {} and {}, {columns} × {rows} points", text_of(corner), text_of(u), text_of(v));
-    Ok(Answer::new("lux-plane", name, "lx", readings).over([columns, rows], |i| text_of(at(i))))
-}
-
-fn check_points(option: &str, [columns, rows]: [u32; 2]) -> Result<(), CliError> {
-    let points = u64::from(columns) * u64::from(rows);
-    if points <= MOST_POINTS {
-        return Ok(());
-    }
-    Err(CliError::Usage(format!("{option}: {points} points are more than the {MOST_POINTS} that are read at once")))
-}
-
 /// The entity that is called so, or has that key, whatever it is.
 fn node(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> {
     // One with light or surface goes before its parents of the same name.
@@ -418,86 +368,6 @@ fn entity(scene: &Scene, args: &Args, name: &str) -> Result<SceneKey, CliError> 
         let available = if list.is_empty() { "none with a name".into() } else { list };
         CliError::NoEntity { scene: args.scene.file.clone(), wanted: name.into(), available }
     })
-}
-
-fn on_entity(
-    scene: &Scene,
-    flat: &FlatScene,
-    args: &Args,
-    name: &str,
-    effort: &Effort,
-    watcher: &Watcher,
-) -> Result<Answer, CliError> {
-    let key = entity(scene, args, name)?;
-    let instance = flat.instances.key.iter().position(|&other| other == key.0);
-    let mesh = instance.map(|row| &flat.meshes[flat.instances.mesh[row] as usize]);
-    let (Some(instance), Some(mesh)) = (instance, mesh.filter(|mesh| !mesh.triangles.is_empty())) else {
-        return Err(CliError::Usage(format!("--on {name}: it has no triangles that are shown")));
-    };
-    let m = flat.instances.world_from_local[instance].map(f64::from);
-    let world = |p: [f32; 3]| {
-        let p = p.map(f64::from);
-        let row = |i: usize| m[i] * p[0] + m[i + 1] * p[1] + m[i + 2] * p[2] + m[i + 3];
-        DVec3::new(row(0), row(4), row(8))
-    };
-    let corners = |triangle: usize| mesh.corners(triangle as u32).map(world);
-    // Evenly by area: one point in each of so many equal parts of the whole, and the golden ratio's sequence within.
-    let mut areas = Vec::with_capacity(mesh.triangles.len());
-    let mut total = 0.0;
-    for triangle in 0..mesh.triangles.len() {
-        let [a, b, c] = corners(triangle);
-        total += 0.5 * (b - a).cross(c - a).length();
-        areas.push(total);
-    }
-    if total <= 0.0 {
-        return Err(CliError::Usage(format!("--on {name}: it has no area")));
-    }
-    let place = |i: usize| {
-        let at = (i as f64 + 0.5) / POINTS_ON as f64 * total;
-        let triangle = areas.partition_point(|&sum| sum < at).min(areas.len() - 1);
-        let before = if triangle == 0 { 0.0 } else { areas[triangle - 1] };
-        let (r, s) = ((at - before) / (areas[triangle] - before), (0.5 + i as f64 * 0.618_033_988_75).fract());
-        let root = r.sqrt();
-        (triangle as u32, [(root * (1.0 - s)) as f32, (root * s) as f32])
-    };
-    let places: Vec<_> = (0..POINTS_ON).map(place).collect();
-    let at = |i: usize| {
-        let (triangle, [b1, b2]) = places[i];
-        let [a, b, c] = corners(triangle as usize);
-        text_of(a + (b - a) * f64::from(b1) + (c - a) * f64::from(b2))
-    };
-    let readings = read(flat, &Meters::On(instance as u32, places.clone()), effort, watcher);
-    let at_name = format!("{name}, {POINTS_ON} points on {total:.4} m²");
-    let mut answer = Answer::new("on", at_name, "lx", readings).over([POINTS_ON as u32, 1], at);
-    if let Some(Size(size)) = args.bake {
-        answer.baked = Some(bake::bake(flat, instance, name, size, effort, watcher)?);
-    }
-    Ok(answer)
-}
-
-fn of_region(
-    renderer: &Renderer,
-    [x, y, w, h]: [u32; 4],
-    size: [u32; 2],
-    effort: &Effort,
-    watcher: &Watcher,
-) -> Result<Answer, CliError> {
-    let inside = |first: u32, length: u32, all: u32| first.checked_add(length).is_some_and(|end| end <= all);
-    if !inside(x, w, size[0]) || !inside(y, h, size[1]) {
-        return Err(CliError::Usage(format!(
-            "--nit {x},{y},{w},{h} reaches beyond the picture of {} × {} pixels",
-            size[0], size[1]
-        )));
-    }
-    check_points("--nit", [w, h])?;
-    let pixel = |i: usize| [x + i as u32 % w, y + i as u32 / w];
-    let pixels: Vec<[u32; 2]> = (0..(w * h) as usize).map(pixel).collect();
-    let readings = read(renderer.scene(), &Meters::Pixels(size, pixels), effort, watcher);
-    let what =
-        if w * h == 1 { format!("pixel {x},{y}") } else { format!("pixels {x},{y} to {},{}", x + w - 1, y + h - 1) };
-    let answer = Answer::new("nit", format!("{what} of {}x{}", size[0], size[1]), "nit", readings);
-    let name = |i: usize| format!("{},{}", pixel(i)[0], pixel(i)[1]);
-    Ok(if w * h == 1 { answer } else { answer.over([w, h], name) })
 }
 
 fn text_of(v: DVec3) -> String {
@@ -629,83 +499,6 @@ fn write(path: &Path, args: &Args, answers: &[Answer]) -> Result<(), CliError> {
     Ok(film::write_file(path, |file| picture.write_to(file, ImageFormat::Png).map_err(std::io::Error::other))?)
 }
 
-const PAPER: [u8; 3] = [255; 3];
-const INK: [u8; 3] = [20; 3];
-/// Least width and height of the picture, pixels.
-const LEAST: u32 = 320;
-const BAR: u32 = 18;
-const MARGIN: u32 = 8;
-
-/// How numbers become places between 0 and 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
-    /// From zero to this.
-    Linear(f64),
-    /// From this by as many powers of ten, which eyes see as even steps.
-    Log(f64, f64),
-}
-
-/// Powers of ten that a logarithmic scale has at most.
-const MOST_DECADES: f64 = 5.0;
-
-impl Scale {
-    fn most(values: &[f64]) -> f64 {
-        values.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE)
-    }
-
-    fn linear(values: &[f64]) -> Self {
-        Self::Linear(Self::most(values))
-    }
-
-    /// Down to the darkest hundredth of what is not black.
-    fn log(values: &[f64]) -> Self {
-        let most = Self::most(values);
-        let mut lit: Vec<f64> = values.iter().copied().filter(|&value| value > 0.0).collect();
-        lit.sort_unstable_by(f64::total_cmp);
-        let least = lit.get(lit.len() / 100).map_or(most, |&least| least.min(most / 10.0));
-        let decades = (most / least).log10().clamp(1.0, MOST_DECADES);
-        Self::Log(most / 10_f64.powf(decades), decades)
-    }
-
-    fn place(self, value: f64) -> f64 {
-        match self {
-            Self::Linear(most) => value / most,
-            Self::Log(least, decades) => (value.max(least) / least).log10() / decades,
-        }
-    }
-
-    fn value(self, place: f64) -> f64 {
-        match self {
-            Self::Linear(most) => place * most,
-            Self::Log(least, decades) => least * 10_f64.powf(place * decades),
-        }
-    }
-}
-
-/// Readings as colours from black over purple and orange to pale yellow beside a legend.
-fn false_colours(size: [u32; 2], values: &[f64], unit: &str, scale: Scale) -> image::RgbImage {
-    let color = |share: f64| heat::magma(share as f32).map(|c| (c * 255.0).round() as u8);
-    let times = (LEAST / size[0].max(size[1]).max(1)).max(1);
-    let (width, height) = (size[0] * times, size[1] * times);
-    let ticks: Vec<String> = (0..=4).map(|i| format!("{:.4} {unit}", scale.value(f64::from(i) / 4.0))).collect();
-    let words = ticks.iter().map(|text| Canvas::width_of(text)).max().unwrap_or(0);
-    let bar_height = height.max(8 * LINE);
-    let mut canvas = Canvas::new([width + BAR + words + 4 * MARGIN, bar_height + 2 * MARGIN], PAPER);
-    let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x / times, y / times)));
-    let pixels: Vec<[u8; 3]> = rows.map(|(x, y)| color(scale.place(values[(y * size[0] + x) as usize]))).collect();
-    canvas.paste([MARGIN, MARGIN], width, &pixels);
-    let left = width + 2 * MARGIN;
-    for y in 0..bar_height {
-        let share = 1.0 - (f64::from(y) + 0.5) / f64::from(bar_height);
-        canvas.paste([left, MARGIN + y], BAR, &[color(share); BAR as usize]);
-    }
-    for (i, tick) in (0..).zip(&ticks) {
-        let y = MARGIN + (bar_height - LINE) - i * (bar_height - LINE) / 4;
-        canvas.write([left + BAR + MARGIN, y], tick, INK);
-    }
-    canvas.into_image()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -718,22 +511,5 @@ mod tests {
         }
         assert_eq!([region("3,4"), region("3,4,5,6")], [Ok([3, 4, 1, 1]), Ok([3, 4, 5, 6])]);
         assert!(region("3,4,0,6").is_err());
-    }
-
-    #[test]
-    fn scales_go_from_the_dark_to_the_bright_end_and_back() {
-        let values: Vec<f64> = (0..1000).map(|i| f64::from(i) * f64::from(i)).collect();
-        for scale in [Scale::linear(&values), Scale::log(&values)] {
-            assert!((scale.place(998_001.0) - 1.0).abs() < 1e-12);
-            assert!([0.1, 0.5, 0.9].iter().all(|&place| (scale.place(scale.value(place)) - place).abs() < 1e-12));
-        }
-        assert_eq!(Scale::log(&[0.0, 100.0, 100.0]), Scale::Log(10.0, 1.0));
-        assert_eq!(Scale::log(&[0.0; 4]).place(0.0), 0.0);
-    }
-
-    /// The standard's own table (EN 12464-1, annex): an edge of 1 m has 5 points, of 5 m about 8, of 10 m 10.
-    #[test]
-    fn grids_are_spaced_as_the_standard_says() {
-        assert_eq!([0.4, 1.0, 2.0, 5.0, 10.0].map(points_along), [4, 5, 6, 8, 10]);
     }
 }

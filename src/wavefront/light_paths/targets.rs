@@ -107,27 +107,13 @@ fn is_one(scene: &FlatScene, slot: u32, of: u32) -> bool {
 /// Corners of the box around the triangles of a slot in the world; none if there are none.
 fn bounds(scene: &FlatScene, instance: usize, slot: u32) -> Option<(Vec3, Vec3)> {
     let mesh = &scene.meshes[scene.instances.mesh[instance] as usize];
-    let m = &scene.instances.world_from_local[instance];
-    let place = |p: Vec3| {
-        Vec3::from_array([0, 1, 2].map(|i| Vec3::new(m[4 * i], m[4 * i + 1], m[4 * i + 2]).dot(p) + m[4 * i + 3]))
-    };
     if mesh.shape.is_some() || mesh.slot_count <= 1 {
-        let (least, most) = mesh.blas.bounds();
-        let (least, most) = (Vec3::from(least), Vec3::from(most));
-        if mesh.shape.is_some() && !(least.cmple(most).all()) {
-            // A plane.
-            return Some((Vec3::NEG_INFINITY, Vec3::INFINITY));
-        }
-        let corners = (0..8).map(|i| {
-            let high = |axis: u32| i >> axis & 1 == 1;
-            place(Vec3::select(glam::BVec3::new(high(0), high(1), high(2)), most, least))
-        });
-        return Some(corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p))));
+        return Some(scene.box_of(instance));
     }
     let mut hull = None;
     for (triangle, _) in mesh.slots.iter().enumerate().filter(|&(_, &of)| u32::from(of) == slot) {
         for corner in mesh.corners(triangle as u32) {
-            let p = place(Vec3::from(corner));
+            let p = scene.placed(instance, Vec3::from(corner));
             let (lower, upper): (Vec3, Vec3) = hull.unwrap_or((p, p));
             hull = Some((lower.min(p), upper.max(p)));
         }

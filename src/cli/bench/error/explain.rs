@@ -420,3 +420,18 @@ fn json_of(name: &str, techniques: &Techniques, slopes: &[Slope], spread: &Sprea
 }
 
 const TAKES: &str = "a string takes it";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_through_logarithms_have_the_slope_of_the_power() {
+        let x = RISING.map(f64::from);
+        for power in [-0.5, -0.84, 1.0] {
+            assert!((fitted(&x, &x.map(|x| 3.0 * x.powf(power))) - power).abs() < 1e-12);
+        }
+        // What has no error has no place on such a scale.
+        assert!((fitted(&[1.0, 2.0, 4.0], &[8.0, 4.0, 0.0]) + 1.0).abs() < 1e-12);
+    }
+}
